@@ -1,0 +1,70 @@
+# viscera with two commands: `make run` and `make test`. Everything else is CMake and Ninja.
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+JOBS ?= $(shell nproc)
+BIN := build/bin
+OUT := out/stages
+SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -name '*.cu' -o -name '*.cuh')
+
+.PHONY: help packages build run test check-format format clean \
+        stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu
+
+help: ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
+
+packages: ## install what .packages names and this machine lacks (Debian, Ubuntu)
+	@sh .ci/packages
+
+build: build/build.ninja ## configure and compile everything
+	@ninja -C build -j $(JOBS)
+
+build/build.ninja: | packages
+	@cmake --preset release
+
+run: build ## the demo, to out/demo/report.html
+	@$(BIN)/viscera run configs/demo.yaml
+
+test: build ## every test; those that need what is absent say that they were skipped
+	@ctest --test-dir build --output-on-failure -j $(JOBS)
+
+# The demo's stages by hand, each on the files of the one before, with the settings of
+# configs/demo.yaml. A missing input is made first.
+stage-labels: build ## viscera-labels on the phantom, into out/stages/labels
+	$(BIN)/viscera-labels --in volume=sample_data/phantom.nrrd \
+	  --set 'labels={liver: 1, tumour: 2, vessels: 3}' --out $(OUT)/labels
+
+stage-surface: build $(OUT)/labels/manifest.json ## viscera-surface, into out/stages/surface
+	$(BIN)/viscera-surface --in labels=$(OUT)/labels/labels.nrrd --out $(OUT)/surface
+
+stage-tetmesh: build $(OUT)/surface/manifest.json ## viscera-tetmesh, into out/stages/tetmesh
+	$(BIN)/viscera-tetmesh --in labels=$(OUT)/labels/labels.nrrd \
+	  --in surface=$(OUT)/surface/surface.vtp --set cell_size=9.6mm --out $(OUT)/tetmesh
+
+stage-simulate: build $(OUT)/tetmesh/manifest.json ## viscera-simulate, into out/stages/simulate
+	$(BIN)/viscera-simulate --in mesh=$(OUT)/tetmesh/mesh.vtu \
+	  --in scene=configs/scenes/drop.yaml --out $(OUT)/simulate
+
+stage-report: build $(OUT)/simulate/manifest.json ## viscera-report, into out/stages/report
+	$(BIN)/viscera-report --in labels=$(OUT)/labels/labels.nrrd \
+	  --in surface=$(OUT)/surface/surface.vtp --in mesh=$(OUT)/tetmesh/mesh.vtu \
+	  --in trajectory=$(OUT)/simulate/trajectory.h5 \
+	  --set 'title=Phantom liver dropped on the ground' --out $(OUT)/report
+
+$(OUT)/%/manifest.json:
+	@$(MAKE) --no-print-directory stage-$*
+
+gpu-bundle: build $(OUT)/tetmesh/manifest.json ## build/gpu-bundle, to be copied to a GPU node
+	@.ci/gpu-bundle
+
+test-gpu: build $(OUT)/tetmesh/manifest.json ## the GPU tests on this machine; fails without a device
+	@VISCERA_REQUIRE_GPU=1 VISCERA_GPU_MESH=$(OUT)/tetmesh/mesh.vtu \
+	  VISCERA_GPU_SCENE=configs/scenes/drop.yaml $(BIN)/test_gpu
+
+format: ## bring every source into the house style
+	@clang-format -i $(SOURCES)
+
+check-format: ## fail when a source is not in the house style
+	@clang-format --dry-run -Werror $(SOURCES)
+
+clean: ## remove build/; results and cache in out/ stay
+	@rm -rf build

@@ -1,0 +1,50 @@
+// Declared parameters: name, type, default, range, unit and doc, from which parsing, `describe`,
+// the cache key and the docs all derive.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace viscera {
+
+using Json = nlohmann::ordered_json;
+
+enum class ParamType { boolean, integer, real, text, list, map };
+
+struct Param {
+  std::string name;
+  ParamType type = ParamType::text;
+  Json fallback;                       // null: the parameter may stay unset (resolved as null)
+  std::string unit = "1";              // of a real; its resolved value is a number in this unit
+  std::optional<double> lo{}, hi{};    // closed range of a number
+  std::vector<std::string> choices{};  // of a text; empty: any
+  std::string doc;
+  bool in_key = true;  // false: cannot change the results (threads, log flags)
+};
+
+// A real in [lo, hi] of `unit`.
+Param quantity(const char* name, Json fallback, const char* unit, double lo, double hi,
+               const char* doc);
+
+Json to_json(const Param& param);
+Param param_from_json(const Json& json);
+
+// A value as written on a command line ("5mm", "true", "{liver: 1}"), read as YAML into JSON.
+// Texts that are not numbers, booleans, null, lists or maps stay texts; so does what stands in
+// double quotes, whatever it looks like. JSON is read as itself.
+Json value_from_text(const std::string& text);
+
+// One value checked and brought to its canonical form. `where` is the file it stands in (with line)
+// or "command line"; `field` its full name.
+Json resolve_value(const Param& param, const Json& given, const std::string& where,
+                   const std::string& field);
+
+// Every declared parameter with its given value or default, in declared order. `prefix`
+// ("tetmesh.") leads the field names of errors. Unknown names throw Error(bad_config) with the
+// nearest valid one.
+Json resolve(const std::vector<Param>& declared, const Json& given, const std::string& where,
+             const std::string& prefix = "");
+
+}  // namespace viscera

@@ -1,0 +1,95 @@
+#include "pipeline/engine/catalog.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/error.hpp"
+#include "pipeline/engine/process.hpp"
+
+namespace viscera {
+namespace fs = std::filesystem;
+namespace {
+
+const std::string prefix = "viscera-";
+
+StageInfo read_declaration(const std::string& stage, const std::string& text) {
+  const auto fail = [&stage](const std::string& found) {
+    return Error(ExitCode::internal, {.where = prefix + stage + " describe",
+                                      .found = found,
+                                      .allowed = "the stage's declaration as JSON",
+                                      .remedy = "build it again"});
+  };
+  try {
+    StageInfo info = stage_info_from_json(Json::parse(text));
+    if (info.name != stage) throw fail("it calls itself '" + info.name + "'");
+    return info;
+  } catch (const Json::exception& e) {
+    throw fail(e.what());
+  }
+}
+
+// When the system's packages last changed: a declaration holds the versions of shared libraries,
+// which an upgrade replaces without touching the executable.
+std::string packages_stamp() {
+  struct stat info {};
+  if (stat("/var/lib/dpkg/status", &info) != 0) return "none";
+  return fmt::format("{}.{:09}", info.st_mtim.tv_sec, info.st_mtim.tv_nsec);
+}
+
+}  // namespace
+
+std::vector<std::string> Catalog::names() const {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(programs_)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with(prefix)) names.push_back(name.substr(prefix.size()));
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+StageProgramFile Catalog::find(const std::string& stage, const std::string& where) {
+  const fs::path executable = programs_ / (prefix + stage);
+  if (access(executable.c_str(), X_OK) != 0 || !fs::is_regular_file(executable)) {
+    const auto known = names();
+    throw Error(ExitCode::bad_config,
+                {.where = where,
+                 .field = "stages",
+                 .found = "unknown stage '" + stage + "'",
+                 .allowed = "a stage with an executable " + executable.string(),
+                 .remedy = known.empty() ? "build the stages" : suggest(stage, known)});
+  }
+  const std::string sha256 = store_.digests().digest(executable);
+  return {.info = describe(stage, executable, sha256), .executable = executable, .sha256 = sha256};
+}
+
+StageInfo Catalog::describe(const std::string& stage, const fs::path& executable,
+                            const std::string& sha256) {
+  const fs::path kept =
+      store_.folder() / "describe" / fmt::format("{}-{}-{}.json", stage, sha256, packages_stamp());
+  if (fs::exists(kept)) {
+    try {
+      return read_declaration(stage, read_file(kept));
+    } catch (const Error&) {
+      // A damaged copy is asked for again.
+    }
+  }
+  const auto end =
+      run_process({executable.string(), "describe"}, [](std::string_view) { /* not its job */ });
+  if (end.signal != 0 || end.exit_code != 0) {
+    throw Error(ExitCode::internal,
+                {.where = executable.string() + " describe",
+                 .found = end.signal ? "ended by signal " + std::to_string(end.signal)
+                                     : "exit code " + std::to_string(end.exit_code),
+                 .remedy = "build it again"});
+  }
+  const StageInfo info = read_declaration(stage, end.output);
+  if (!store_.read_only()) write_atomically(kept, end.output);
+  return info;
+}
+
+}  // namespace viscera

@@ -1,0 +1,38 @@
+// The stages there are: executables viscera-STAGE in one folder, each asked once what it declares
+// (`describe`); the answer is kept by the executable's digest and the time of the last change to
+// the system's packages (dpkg), whose versions a declaration holds.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "pipeline/contract/manifest.hpp"
+#include "pipeline/engine/store.hpp"
+
+namespace viscera {
+
+struct StageProgramFile {
+  StageInfo info;
+  std::filesystem::path executable;
+  std::string sha256;
+};
+
+class Catalog {
+ public:
+  Catalog(std::filesystem::path programs, Store& store)
+      : programs_(std::move(programs)), store_(store) {}
+
+  // Throws Error(bad_config) naming `where` when there is no such stage, with the nearest one;
+  // Error(internal) when the executable's declaration cannot be read.
+  StageProgramFile find(const std::string& stage, const std::string& where);
+
+ private:
+  StageInfo describe(const std::string& stage, const std::filesystem::path& executable,
+                     const std::string& sha256);
+  std::vector<std::string> names() const;
+
+  std::filesystem::path programs_;
+  Store& store_;
+};
+
+}  // namespace viscera

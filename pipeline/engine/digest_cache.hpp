@@ -1,0 +1,46 @@
+// SHA-256 of files, remembered by path, size, modification time (ns) and inode, so that a file that
+// nobody touched is not read again. A file changed in the two seconds before it was hashed is not
+// remembered: it could change again within the clock's grain.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+
+namespace viscera {
+
+class DigestCache {
+ public:
+  // Reads `file` when it exists; a damaged one is ignored, which costs time and nothing else.
+  explicit DigestCache(std::filesystem::path file);
+
+  // Throws Error(bad_input) when the file cannot be read.
+  std::string digest(const std::filesystem::path& path);
+
+  // For a file that we have just made and hashed ourselves.
+  void remember(const std::filesystem::path& path, const std::string& sha256);
+
+  // As input_digest.hpp defines it, of remembered files.
+  std::string input_digest(const std::filesystem::path& path);
+
+  // Writes what was learnt, if anything was; forgets files that are gone.
+  void save();
+
+ private:
+  struct Known {
+    std::uintmax_t size = 0, inode = 0;
+    std::int64_t mtime_ns = 0;
+    std::string sha256;
+    bool same_file(const Known& other) const {
+      return size == other.size && inode == other.inode && mtime_ns == other.mtime_ns;
+    }
+  };
+  static std::optional<Known> look_at(const std::filesystem::path& path);
+
+  std::filesystem::path file_;
+  std::map<std::string, Known> known_;  // by absolute path
+  bool changed_ = false;
+};
+
+}  // namespace viscera

@@ -1,0 +1,24 @@
+// An exclusive lock on a file, held by a process and gone with it: a killed holder leaves nothing
+// to clean up.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace viscera {
+
+class FileLock {
+ public:
+  // Makes the file when needed. Waits while another process holds it, and says once who that is and
+  // what for: "waits for process 12 (run demo)". Throws Error(usage) when the file cannot be made,
+  // Error(interrupted) on SIGINT or SIGTERM.
+  FileLock(const std::filesystem::path& path, const std::string& purpose);
+  ~FileLock();
+  FileLock(const FileLock&) = delete;
+  FileLock& operator=(const FileLock&) = delete;
+
+ private:
+  int file_ = -1;
+};
+
+}  // namespace viscera

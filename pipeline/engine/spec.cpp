@@ -1,0 +1,276 @@
+#include "pipeline/engine/spec.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "pipeline/contract/error.hpp"
+#include "pipeline/contract/yaml_file.hpp"
+
+namespace viscera {
+namespace fs = std::filesystem;
+namespace {
+
+struct Variable {
+  std::string text;
+  bool given = true;               // false: left empty in the spec
+  bool from_command_line = false;  // then a path in it is relative to the current folder
+};
+
+struct Expansion {
+  std::string text;
+  bool from_command_line = false;  // the text begins with a variable that --set has given
+};
+
+class SpecReader {
+ public:
+  explicit SpecReader(const fs::path& path) : path_(path) {}
+
+  Spec read(const std::vector<std::string>& overrides) {
+    const YAML::Node root = load_yaml(path_);
+    expect_map(root, "spec", "viscera: 1, vars: and stages:");
+    check_keys(root, {"viscera", "vars", "stages"});
+    check_schema(root);
+    if (root["vars"]) read_variables(root["vars"]);
+    for (const auto& text : overrides) apply_variable(text);
+    read_stages(root);
+    for (const auto& text : overrides) apply_param(text);
+    return std::move(spec_);
+  }
+
+ private:
+  void check_schema(const YAML::Node& root) {
+    const YAML::Node schema = root["viscera"];
+    if (schema && schema.IsScalar() && schema.Scalar() == "1") return;
+    throw fail(schema ? schema : root, "viscera",
+               schema && schema.IsScalar() ? "'" + schema.Scalar() + "'" : "missing",
+               "viscera: 1, the version of the spec's schema");
+  }
+
+  void read_variables(const YAML::Node& vars) {
+    if (vars.IsNull()) return;
+    expect_map(vars, "vars", "NAME: VALUE lines");
+    for (const auto& item : vars) {
+      const std::string& name = item.first.Scalar();
+      if (item.second.IsNull()) {
+        variables_[name] = {.given = false};
+      } else if (item.second.IsScalar() && item.second.Scalar().find("${") == std::string::npos) {
+        variables_[name] = {.text = item.second.Scalar()};
+      } else {
+        throw fail(item.second, "vars." + name, "not a plain value",
+                   "a number or text without ${...}");
+      }
+    }
+  }
+
+  static std::pair<std::string, std::string> split(const std::string& assignment) {
+    const auto equals = assignment.find('=');
+    if (equals == std::string::npos || equals == 0) {
+      throw Error(ExitCode::usage, {.where = "command line",
+                                    .field = "--set",
+                                    .found = "'" + assignment + "'",
+                                    .allowed = "--set VARIABLE=VALUE or --set STAGE.PARAM=VALUE"});
+    }
+    return {assignment.substr(0, equals), assignment.substr(equals + 1)};
+  }
+
+  void apply_variable(const std::string& assignment) {
+    const auto [name, value] = split(assignment);
+    if (name.find('.') != std::string::npos) return;
+    if (!variables_.count(name)) {
+      throw Error(ExitCode::bad_config,
+                  {.where = "command line",
+                   .field = "--set " + name,
+                   .found = "no such variable in " + path_.string(),
+                   .allowed = "a name under 'vars:', or STAGE.PARAM",
+                   .remedy = variables_.empty() ? "" : suggest(name, variable_names())});
+    }
+    variables_[name] = {.text = value, .from_command_line = true};
+  }
+
+  void apply_param(const std::string& assignment) {
+    const auto [name, value] = split(assignment);
+    const auto dot = name.find('.');
+    if (dot == std::string::npos) return;
+    const std::string stage_name = name.substr(0, dot);
+    std::vector<std::string> names;
+    for (auto& stage : spec_.stages) {
+      names.push_back(stage.name);
+      if (stage.name != stage_name) continue;
+      stage.params.push_back({name.substr(dot + 1), value_from_text(value), "command line"});
+      return;
+    }
+    throw Error(ExitCode::bad_config, {.where = "command line",
+                                       .field = "--set " + name,
+                                       .found = "no such stage in " + path_.string(),
+                                       .remedy = suggest(stage_name, names)});
+  }
+
+  void read_stages(const YAML::Node& root) {
+    spec_.path = path_;
+    spec_.name = path_.stem().string();
+    if (spec_.name.starts_with('.')) {
+      throw fail(root, "file name", "begins with a dot", "a name that can name the run's folder");
+    }
+    const YAML::Node stages = root["stages"];
+    if (!stages || !stages.IsMap() || stages.size() == 0) {
+      throw fail(stages ? stages : root, "stages", stages ? "not a map of stages" : "missing",
+                 "stages: with one key per stage");
+    }
+    for (const auto& item : stages) spec_.stages.push_back(read_stage(item.first, item.second));
+  }
+
+  SpecStage read_stage(const YAML::Node& key, const YAML::Node& body) {
+    SpecStage stage{.name = key.Scalar(), .where = place_of(path_, key)};
+    const bool plain = std::all_of(stage.name.begin(), stage.name.end(), [](unsigned char c) {
+      return std::islower(c) || std::isdigit(c) || c == '_';
+    });
+    if (!plain || stage.name.empty()) {
+      throw fail(key, "stages", "'" + stage.name + "'", "a stage's name: a-z, 0-9 and _");
+    }
+    if (body.IsNull()) return stage;
+    expect_map(body, stage.name, "in: and the stage's params");
+    for (const auto& item : body) {
+      const std::string& name = item.first.Scalar();
+      if (name == "in") {
+        read_inputs(stage, item.second);
+      } else {
+        stage.params.push_back(
+            {name, read_value(item.second, stage.name + "." + name), place_of(path_, item.second)});
+      }
+    }
+    return stage;
+  }
+
+  void read_inputs(SpecStage& stage, const YAML::Node& roles) {
+    expect_map(roles, stage.name + ".in", "in: {ROLE: FILE}");
+    for (const auto& item : roles) {
+      const std::string role = item.first.Scalar();
+      const std::string field = stage.name + ".in." + role;
+      if (item.second.IsSequence()) {
+        for (const auto& file : item.second) stage.inputs.push_back(read_input(role, file, field));
+      } else {
+        stage.inputs.push_back(read_input(role, item.second, field));
+      }
+    }
+  }
+
+  SpecInput read_input(const std::string& role, const YAML::Node& node, const std::string& field) {
+    if (!node.IsScalar() || node.Scalar().empty()) {
+      throw fail(node, field, "not a path", "the path of a file or folder");
+    }
+    const Expansion expanded = expand(node, field);
+    const fs::path base = expanded.from_command_line ? fs::path() : path_.parent_path();
+    const fs::path path = (base / expanded.text).lexically_normal();
+    std::error_code failure;
+    const auto kind = fs::status(path, failure).type();  // not a device: those may never end
+    if (expanded.text.empty() ||
+        (kind != fs::file_type::regular && kind != fs::file_type::directory)) {
+      throw Error(ExitCode::bad_input, {.where = place_of(path_, node),
+                                        .field = field,
+                                        .found = "no such file or folder: " + path.string(),
+                                        .allowed = "a path, relative to the spec's folder, or to "
+                                                   "the current one when given with --set",
+                                        .remedy = "check the path"});
+    }
+    return {role, path, place_of(path_, node)};
+  }
+
+  Json read_value(const YAML::Node& node, const std::string& field) {
+    if (node.IsSequence()) {
+      Json list = Json::array();
+      for (const auto& item : node) list.push_back(read_value(item, field));
+      return list;
+    }
+    if (node.IsMap()) {
+      Json map = Json::object();
+      for (const auto& item : node) {
+        map[item.first.Scalar()] = read_value(item.second, field + "." + item.first.Scalar());
+      }
+      return map;
+    }
+    if (!node.IsScalar()) return nullptr;
+    const std::string& written = node.Scalar();
+    const std::string text = expand(node, field).text;
+    // Inside {} and [] YAML wants "${name}" in quotes; they do not make a text of its value.
+    const bool variable = written.starts_with("${") && written.find('}') == written.size() - 1;
+    return node.Tag() == "!" && !variable ? Json(text) : value_from_text(text);
+  }
+
+  Expansion expand(const YAML::Node& node, const std::string& field) {
+    const std::string& text = node.Scalar();
+    Expansion expanded;
+    std::size_t at = 0;
+    for (auto open = text.find("${"); open != std::string::npos; open = text.find("${", at)) {
+      const auto close = text.find('}', open);
+      if (close == std::string::npos) throw fail(node, field, "'${' without '}'", "${variable}");
+      const Variable& variable = value_of(text.substr(open + 2, close - open - 2), node, field);
+      if (open == 0) expanded.from_command_line = variable.from_command_line;
+      expanded.text += text.substr(at, open - at) + variable.text;
+      at = close + 1;
+    }
+    expanded.text += text.substr(at);
+    return expanded;
+  }
+
+  const Variable& value_of(const std::string& name, const YAML::Node& node,
+                           const std::string& field) {
+    const auto found = variables_.find(name);
+    if (found == variables_.end()) {
+      throw Error(ExitCode::bad_config,
+                  {.where = place_of(path_, node),
+                   .field = field,
+                   .found = "unknown variable ${" + name + "}",
+                   .allowed = "a name under 'vars:'",
+                   .remedy = variables_.empty() ? "" : suggest(name, variable_names())});
+    }
+    if (!found->second.given) {
+      throw Error(ExitCode::bad_config, {.where = place_of(path_, node),
+                                         .field = field,
+                                         .found = "variable '" + name + "' has no value",
+                                         .remedy = fmt::format("add --set {}=VALUE", name)});
+    }
+    return found->second;
+  }
+
+  std::vector<std::string> variable_names() const {
+    std::vector<std::string> names;
+    for (const auto& [name, value] : variables_) names.push_back(name);
+    return names;
+  }
+
+  void expect_map(const YAML::Node& node, const std::string& field, const std::string& allowed) {
+    if (!node.IsMap()) throw fail(node, field, "not a map", allowed);
+  }
+
+  void check_keys(const YAML::Node& map, const std::vector<std::string>& known) {
+    for (const auto& item : map) {
+      const std::string& key = item.first.Scalar();
+      if (std::count(known.begin(), known.end(), key)) continue;
+      throw Error(ExitCode::bad_config, {.where = place_of(path_, item.first),
+                                         .field = key,
+                                         .found = "unknown key",
+                                         .remedy = suggest(key, known)});
+    }
+  }
+
+  Error fail(const YAML::Node& node, const std::string& field, const std::string& found,
+             const std::string& allowed) const {
+    return Error(
+        ExitCode::bad_config,
+        {.where = place_of(path_, node), .field = field, .found = found, .allowed = allowed});
+  }
+
+  const fs::path& path_;
+  std::map<std::string, Variable> variables_;
+  Spec spec_;
+};
+
+}  // namespace
+
+Spec load_spec(const fs::path& path, const std::vector<std::string>& overrides) {
+  return SpecReader(path).read(overrides);
+}
+
+}  // namespace viscera

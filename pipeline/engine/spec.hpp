@@ -1,0 +1,51 @@
+// The spec of a run: which stages, their params and the files that no stage produces. Reading it
+// replaces ${variables} and applies --set; what the params mean is checked by graph.hpp.
+//
+//   viscera: 1
+//   vars:
+//     input: ../sample_data/phantom.nrrd     # empty: must be given with --set input=FILE
+//   stages:
+//     labels:
+//       in:
+//         volume: ${input}                   # relative to the spec's folder
+//       labels: {liver: 1, tumour: 2}        # every other key is a param of the stage
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "pipeline/contract/param.hpp"
+
+namespace viscera {
+
+struct SpecParam {
+  std::string name;
+  Json value;         // as written, quantities still with their units
+  std::string where;  // file:line:column, or "command line"
+};
+
+struct SpecInput {
+  std::string role;
+  std::filesystem::path path;  // resolved: relative to the spec, or to the current folder by --set
+  std::string where;
+};
+
+struct SpecStage {
+  std::string name;
+  std::string where;
+  std::vector<SpecInput> inputs;
+  std::vector<SpecParam> params;  // those of --set last; they replace earlier ones
+};
+
+struct Spec {
+  std::filesystem::path path;
+  std::string name;               // of the run: the file's name without .yaml
+  std::vector<SpecStage> stages;  // in the order written
+};
+
+// `overrides` are the --set texts: "variable=value" or "stage.param=value". Throws
+// Error(bad_config) with file:line:column, and the nearest valid name for an unknown one.
+Spec load_spec(const std::filesystem::path& path, const std::vector<std::string>& overrides);
+
+}  // namespace viscera

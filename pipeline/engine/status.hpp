@@ -1,0 +1,28 @@
+// What a run shows: the lines of a stage while it works, and the table at the end.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "pipeline/contract/manifest.hpp"
+
+namespace viscera {
+
+// Shows one line that a stage wrote to stderr under the stage's name: a JSON line as message or
+// progress bar, anything else as it is but for control characters. True when it was an error.
+bool show_stage_line(const std::string& stage, std::string_view line);
+
+struct StatusRow {
+  std::string stage;
+  std::string state;         // "ran", "cached", "skipped", ...
+  bool has_figures = false;  // those below, of the run that made the result
+  bool diverged = false;
+  double wall_s = 0.0, max_rss_mb = 0.0;
+  std::vector<Gate> gates;
+};
+
+// One line per stage, ending with a line break.
+std::string status_table(const std::vector<StatusRow>& rows);
+
+}  // namespace viscera

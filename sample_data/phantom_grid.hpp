@@ -1,0 +1,11 @@
+// The grid on which the phantom is drawn: 1.7 x 1.9 x 2.5 mm, turned about all three axes, wide
+// enough that no label touches its border.
+#pragma once
+
+#include "stages/common/label_image.hpp"
+
+namespace viscera::phantom {
+
+LabelImage draw();
+
+}  // namespace viscera::phantom

@@ -1,0 +1,79 @@
+#include "sim/diagnostics.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <map>
+
+namespace viscera::sim {
+namespace {
+
+Mat3<double> gradient_of(const Model& model, const State& state, std::size_t tet) {
+  const auto& [a, b, c, d] = model.tets[tet];
+  const Vec3<double> u[4] = {state.u[a], state.u[b], state.u[c], state.u[d]};
+  return displacement_gradient(u, model.rest_inverse[tet]);
+}
+
+void add_tets(const Model& model, const State& state, bool elastic, Diagnostics& sum) {
+  sum.min_j = std::numeric_limits<double>::infinity();
+  double rest_volume = 0.0;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    const Mat3<double> h = gradient_of(model, state, t);
+    const double j = 1.0 + NeoHookean::volume_strain(h);
+    sum.min_j = std::min(sum.min_j, j);
+    if (j <= 0.0) ++sum.inverted;
+    sum.volume += j * model.volume[t];
+    rest_volume += model.volume[t];
+    if (elastic) {
+      sum.elastic += NeoHookean::energy_density(model.material(t), h) * model.volume[t];
+    }
+  }
+  sum.volume_ratio = sum.volume / rest_volume;
+}
+
+}  // namespace
+
+Diagnostics diagnose(const Model& model, const Scene& scene, const State& state) {
+  Diagnostics sum;
+  add_tets(model, state, scene.params<NeoHookean>().has_value(), sum);
+  const auto& gravity = scene.params<Gravity>();
+  const Vec3<double> g = gravity ? Gravity::vector(*gravity) : Vec3<double>{};
+  double mass = 0.0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    const double speed2 = dot(state.v[i], state.v[i]);
+    mass += model.mass[i];
+    sum.kinetic += 0.5 * model.mass[i] * speed2;
+    sum.gravity -= model.mass[i] * dot(g, state.u[i]);
+    sum.max_speed = std::max(sum.max_speed, std::sqrt(speed2));
+    sum.max_displacement = std::max(sum.max_displacement, norm(state.u[i]));
+  }
+  sum.rms_speed = std::sqrt(2.0 * sum.kinetic / mass);
+  return sum;
+}
+
+double smoothness(const Model& model, const State& state) {
+  std::vector<double> volume(model.tet_count());
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    const double j = 1.0 + NeoHookean::volume_strain(gradient_of(model, state, t));
+    volume[t] = std::max(0.0, j * model.volume[t]);
+  }
+  constexpr int faces[4][3] = {{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}};
+  std::map<std::array<int, 3>, std::size_t> open;
+  double sum = 0.0;
+  std::size_t pairs = 0;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    for (const auto& face : faces) {
+      std::array<int, 3> key = {model.tets[t][face[0]], model.tets[t][face[1]],
+                                model.tets[t][face[2]]};
+      std::ranges::sort(key);
+      const auto [other, is_new] = open.emplace(key, t);
+      if (is_new) continue;
+      const auto [low, high] = std::minmax(volume[t], volume[other->second]);
+      sum += high > 0.0 ? low / high : 0.0;
+      ++pairs;
+      open.erase(other);
+    }
+  }
+  return pairs > 0 ? sum / static_cast<double>(pairs) : 1.0;
+}
+
+}  // namespace viscera::sim

@@ -1,0 +1,31 @@
+// What is known about a state: energies, volume, shape. Computed in double from u and v, in a fixed
+// order.
+#pragma once
+
+#include "sim/model.hpp"
+#include "sim/scene.hpp"
+#include "sim/state.hpp"
+
+namespace viscera::sim {
+
+struct Diagnostics {
+  double kinetic = 0.0;                     // J
+  double elastic = 0.0;                     // J, zero at rest
+  double gravity = 0.0;                     // J, zero at rest position
+  double volume = 0.0;                      // m3
+  double volume_ratio = 0.0;                // to rest
+  double min_j = 0.0;                       // smallest det F
+  std::size_t inverted = 0;                 // tets with det F <= 0
+  double max_speed = 0.0, rms_speed = 0.0;  // m/s; rms is weighted by mass
+  double max_displacement = 0.0;            // m
+  double total() const { return kinetic + elastic + gravity; }
+};
+
+Diagnostics diagnose(const Model& model, const Scene& scene, const State& state);
+
+// S = mean(Vmin/Vmax) over face-adjacent pairs of tets (1 for equal volumes); inverted tets count
+// as volume 0. Equation 17 of the source paper scores uneven, not inaccurate, meshes: read it
+// beside the value at rest.
+double smoothness(const Model& model, const State& state);
+
+}  // namespace viscera::sim

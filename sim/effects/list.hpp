@@ -1,0 +1,36 @@
+// The registry: every effect there is, in the order in which a substep applies those of one kind.
+#pragma once
+
+#include <optional>
+#include <tuple>
+
+#include "sim/effects/gravity.hpp"
+#include "sim/effects/ground.hpp"
+#include "sim/effects/neo_hookean.hpp"
+#include "sim/effects/viscosity.hpp"
+
+namespace viscera::sim {
+
+template <class... All>
+struct EffectList {
+  // What a scene names: parameters of the effects that are on.
+  using Choice = std::tuple<std::optional<typename All::Params>...>;
+  // A slot of `Data<Effect>` per effect, empty for those that are off.
+  template <template <class> class Data>
+  using Slots = std::tuple<std::optional<Data<All>>...>;
+
+  static constexpr std::size_t size = sizeof...(All);
+
+  // function.template operator()<Effect, index>() for every effect in order.
+  template <class Function>
+  static void for_each(Function&& function) {
+    [&]<std::size_t... i>(std::index_sequence<i...>) {
+      (function.template operator()<All, i>(), ...);
+    }
+    (std::index_sequence_for<All...>{});
+  }
+};
+
+using Effects = EffectList<Gravity, Viscosity, NeoHookean, Ground>;
+
+}  // namespace viscera::sim

@@ -1,0 +1,83 @@
+// Kelvin-Voigt viscosity of the tetrahedra: a viscous stress 2 eta dE/dt beside the elastic one,
+// with eta = mu tau and tau the material's relaxation time. It damps deformation, rocking and
+// rolling on a contact included, and leaves rigid motion alone. (Damping the Neo-Hookean
+// constraints' own rates would not do: at rest both of their gradients are volumetric, and shear
+// would ring on.)
+//
+//   dE = sym(F^T dF),   f_i = -(2 eta V / dt) F dE b_i
+//
+// with dF the gradient of the substep's displacement, dE the Green strain over it and b_i = grad
+// N_i (the second Piola-Kirchhoff stress S = 2 eta dE/dt). The registry names it before the elastic
+// effects, so that it acts on d = dt v alone: a loss of kinetic energy between two elastic steps
+// (Lie splitting). The force is taken in full, not through a multiplier, of which one sweep gives
+// smooth motion only half. Each tet's share is a contraction in the norm of the masses while
+//
+//   2 eta dt V |F|^2 sum_i |b_i|^2 / m_i <= 2
+//
+// and eta is lowered, tet by tet and at its present F, to keep the left side below `bound`:
+// whatever the damping, the mesh and the deformation, energy is never added. More substeps lift the
+// limit.
+#pragma once
+
+#include "sim/effects/neo_hookean.hpp"
+
+namespace viscera::sim {
+
+struct Viscosity {
+  static constexpr const char* name = "viscosity";
+  static constexpr const char* doc = "Kelvin-Voigt damping of the tissue with each label's damping";
+  static constexpr EffectKind kind = EffectKind::element;
+  static constexpr int arity = 4;
+  static constexpr int rows = 0;
+  static constexpr double bound = 1.5;
+
+  struct Params {};
+  static constexpr auto fields() { return std::tuple{}; }
+
+  template <class T>
+  struct Rest {
+    Mat3<T> rest_inverse;  // B, 1/m
+    T strength;            // 2 eta V / dt, J
+    T number;              // 2 eta dt V sum |b_i|^2 / m_i
+  };
+
+  static const std::vector<Tet>& elements(const Model& model, const Params&) { return model.tets; }
+
+  // 2 eta dt V sum |b_i|^2 / m_i for the material's full eta; eta is lowered at rest above bound
+  // / 3.
+  static double explicit_number(const Model& model, std::size_t tet, double dt) {
+    const Material& material = model.material(tet);
+    const Mat3<double> b = transpose(model.rest_inverse[tet]);
+    const Vec3<double> first = -(b.col[0] + b.col[1] + b.col[2]);
+    const auto& [v0, v1, v2, v3] = model.tets[tet];
+    const double sum =
+        dot(first, first) / model.mass[v0] + dot(b.col[0], b.col[0]) / model.mass[v1] +
+        dot(b.col[1], b.col[1]) / model.mass[v2] + dot(b.col[2], b.col[2]) / model.mass[v3];
+    return 2.0 * lame(material).mu * material.damping * dt * model.volume[tet] * sum;
+  }
+
+  template <class T>
+  static Rest<T> rest(const Model& model, std::size_t tet, const Params&, double dt) {
+    const Material& material = model.material(tet);
+    const double strength = 2.0 * lame(material).mu * material.damping * model.volume[tet] / dt;
+    return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
+            .strength = static_cast<T>(strength),
+            .number = static_cast<T>(explicit_number(model, tet, dt))};
+  }
+
+  template <class T>
+  SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> u[4], const Vec3<T> d[4],
+                              Evaluation<T, rows, arity>& out) {
+    const Mat3<T> df = displacement_gradient(d, rest.rest_inverse);
+    const Mat3<T> f = plus_identity(T(1), displacement_gradient(u, rest.rest_inverse));
+    const Mat3<T> g = transpose(f) * df;
+    const Mat3<T> gt = transpose(g);
+    const Mat3<T> strain{{T(0.5) * (g.col[0] + gt.col[0]), T(0.5) * (g.col[1] + gt.col[1]),
+                          T(0.5) * (g.col[2] + gt.col[2])}};
+    const T number = rest.number * squared_norm(f);
+    const T lowered = select(number > T(bound), T(bound) / number, T(1));
+    NeoHookean::scatter(-lowered * rest.strength, f * strain, rest.rest_inverse, out.preload);
+  }
+};
+
+}  // namespace viscera::sim

@@ -1,0 +1,43 @@
+// What to simulate, apart from the body: the effects that are on, the time grid, when to stop. The
+// scene does not know which solver runs it. SI units.
+#pragma once
+
+#include "sim/effects/list.hpp"
+
+namespace viscera::sim {
+
+struct TimeGrid {
+  double frame_s = 1.0 / 60.0;  // s between two frames that are kept
+  int substeps = 64;            // per frame
+  double end_s = 5.0;           // s
+  double substep_s() const { return frame_s / substeps; }
+};
+
+// The body rests when its fastest vertex stays below `speed` for `hold_s`.
+struct RestCriterion {
+  double speed = 5e-3;   // m/s
+  double hold_s = 0.25;  // s
+};
+
+enum class StabilityPolicy { refuse, warn, substeps };
+
+struct Scene {
+  Effects::Choice effects;
+  TimeGrid time;
+  RestCriterion rest;
+  StabilityPolicy stability = StabilityPolicy::substeps;
+
+  template <class Effect>
+  std::optional<typename Effect::Params>& params() {
+    return std::get<std::optional<typename Effect::Params>>(effects);
+  }
+  template <class Effect>
+  const std::optional<typename Effect::Params>& params() const {
+    return std::get<std::optional<typename Effect::Params>>(effects);
+  }
+};
+
+// Throws Refusal for a time grid or a direction that makes no sense.
+void check_scene(const Scene& scene);
+
+}  // namespace viscera::sim

@@ -1,0 +1,31 @@
+// The state keeps the displacement u from rest and the velocity v, not positions: small strains do
+// not cancel against large coordinates, and the velocity is not a difference of rounded positions.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "sim/math.hpp"
+
+namespace viscera::sim {
+
+template <class To, class From>
+std::vector<Vec3<To>> cast_all(const std::vector<Vec3<From>>& field) {
+  std::vector<Vec3<To>> out;
+  out.reserve(field.size());
+  for (const auto& a : field) out.push_back(cast<To>(a));
+  return out;
+}
+
+// In double whatever the solver's precision: a single-precision state converts without loss.
+struct State {
+  std::vector<Vec3<double>> u;  // [n] m
+  std::vector<Vec3<double>> v;  // [n] m/s
+
+  bool finite() const;
+  // FNV-1a over the 64-bit words of u and v, folded after each: a float's empty low bits would
+  // leave half of the hash untouched. For telling states apart, not against forgery.
+  std::uint64_t hash() const;
+};
+
+}  // namespace viscera::sim

@@ -1,0 +1,79 @@
+// The main() that every stage shares: command line, `describe | check | run`, manifest, exit codes.
+//
+//   viscera-tetmesh [run] --in surface=liver.vtp --set cell_size=5mm --out DIR
+//   viscera-tetmesh check --in … --set …        inputs exist, params resolve; nothing is written
+//   viscera-tetmesh describe                    the declaration as JSON
+//
+// A stage writes into StageRun::out(), a private folder beside DIR; its files move to DIR when the
+// work is done, manifest.json last, so that a killed or failed stage leaves nothing that counts.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <vector>
+
+#include "pipeline/contract/manifest.hpp"
+
+namespace viscera {
+
+class StageRun {
+ public:
+  StageRun(Json params, std::multimap<std::string, std::filesystem::path> inputs,
+           std::filesystem::path out)
+      : params_(std::move(params)), inputs_(std::move(inputs)), out_(std::move(out)) {}
+
+  // Resolved parameters: reals are plain numbers in the declared unit.
+  const Json& params() const { return params_; }
+  template <class T>
+  T param(const char* name) const {
+    return params_.at(name).get<T>();
+  }
+  bool has_param(const char* name) const { return !params_.at(name).is_null(); }
+
+  bool has_input(const std::string& role) const { return inputs_.count(role) > 0; }
+  std::filesystem::path input(const std::string& role) const;  // the first of that role
+  std::vector<std::filesystem::path> inputs(const std::string& role) const;
+
+  std::filesystem::path out(const std::string& file) const { return out_ / file; }
+
+  // What the manifest will say.
+  void metric(std::string name, Json value, std::string unit = "1");
+  // A figure that differs between equal runs (times, rates): shown, but no reason for later stages
+  // to run again.
+  void machine_metric(std::string name, Json value, std::string unit = "1");
+  void gate(std::string name, double value, std::string comparison, double limit,
+            std::string unit = "1");
+  const std::vector<Metric>& metrics() const { return metrics_; }
+  void set_device(std::string device) { device_ = std::move(device); }
+  // The result stands for this run only, because something that no key holds decided it (a device
+  // that failed half way). `reason` completes "not kept for later runs: ...".
+  void set_uncacheable(std::string reason) { uncacheable_ = std::move(reason); }
+  // Ends with diverged (7): outputs written so far are kept and the message says where and why.
+  void set_diverged(std::string message) {
+    exit_ = ExitCode::diverged;
+    message_ = std::move(message);
+  }
+
+ private:
+  friend class StageProgram;
+  Json params_;
+  std::multimap<std::string, std::filesystem::path> inputs_;
+  std::filesystem::path out_;
+  std::vector<Metric> metrics_;
+  std::vector<Gate> gates_;
+  std::string device_ = "cpu";
+  std::string uncacheable_;
+  ExitCode exit_ = ExitCode::ok;
+  std::string message_;
+};
+
+struct Stage {
+  StageInfo info;
+  std::function<void(StageRun&)> run;
+  // Validation beyond files and params, without side effects; may be empty.
+  std::function<void(const StageRun&)> check;
+};
+
+int stage_main(int argc, char** argv, const Stage& stage);
+
+}  // namespace viscera

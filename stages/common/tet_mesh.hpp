@@ -1,0 +1,19 @@
+// The tetrahedral mesh as stages pass it on: plain arrays, LPS millimetres.
+#pragma once
+
+#include <array>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace viscera {
+
+struct TetMesh {
+  std::vector<std::array<double, 3>> points;  // mm
+  std::vector<std::array<int, 4>> tets;       // positively oriented: det(p1-p0, p2-p0, p3-p0) > 0
+  std::vector<int> labels;                    // one per tet
+  std::map<int, std::string> label_names;     // material name of every label that occurs
+  std::map<std::string, std::vector<float>> cell_data;  // further per-tet arrays, by name
+};
+
+}  // namespace viscera

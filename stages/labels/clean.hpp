@@ -1,0 +1,59 @@
+// From a label volume as exported to one clean body: which ids count, which specks go, what the
+// border cuts, and the crop around what is left. Every change is counted.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "stages/common/label_image.hpp"
+
+namespace viscera {
+
+// The ids that make up one material; the first is its id from here on.
+struct Material {
+  std::string name;
+  std::vector<int> ids;
+};
+
+// Number of voxels of every id that occurs, background excluded.
+std::map<int, std::size_t> count_labels(const LabelImage& image);
+
+// Keeps the materials and makes everything else background.
+void select(LabelImage& image, const std::vector<Material>& materials);
+
+struct Change {
+  std::size_t components = 0, voxels = 0;
+};
+
+struct Cleaning {
+  Change specks_absorbed;  // small components given to a neighbouring material
+  Change specks_removed;   // small components given to the background
+  Change cavities_filled;  // small holes given to the material around them
+  Change bodies_removed;   // bodies beside the largest
+};
+
+// A component of fewer than `min_voxels` voxels, a hole included, goes to the neighbour with which
+// it shares the most faces; background counts as a neighbour, small components do not, and of
+// equals the lowest id wins.
+void absorb_specks(LabelImage& image, std::size_t min_voxels, Cleaning& cleaning);
+
+// Keeps the largest face-connected body, all materials taken together.
+void keep_largest_body(LabelImage& image, Cleaning& cleaning);
+
+// The box of all labelled voxels, widened by `margin` voxels on each axis; beyond the volume there
+// is background. `offset` receives the index of the result's first voxel in `image`. The image must
+// hold a labelled voxel.
+LabelImage crop(const LabelImage& image, const std::array<int, 3>& margin,
+                std::array<int, 3>& offset);
+
+struct BorderCut {
+  int label = 0;
+  std::string face;       // "inferior (k = 0)"
+  double area_mm2 = 0.0;  // of voxel faces that lie on the border
+};
+
+// Where labels touch the border of the volume.
+std::vector<BorderCut> find_border_cuts(const LabelImage& image);
+
+}  // namespace viscera

@@ -1,0 +1,16 @@
+// The one self-contained page: its skeleton, style and scripts are files in web/, embedded into the
+// executable with three.js and Chart.js; what a report says comes in as JSON, which the scripts
+// only ever show as text.
+#pragma once
+
+#include <string>
+
+#include "pipeline/contract/param.hpp"
+
+namespace viscera {
+
+// `packed_geometry` (ViewerData::packed) may be empty: the page then has no 3D view.
+std::string report_page(const std::string& title, const Json& report,
+                        const std::string& packed_geometry);
+
+}  // namespace viscera

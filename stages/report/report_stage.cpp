@@ -1,0 +1,96 @@
+#include "stages/report/report_stage.hpp"
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/error.hpp"
+#include "stages/report/page.hpp"
+#include "stages/report/sources.hpp"
+#include "stages/report/viewer_data.hpp"
+
+namespace viscera {
+namespace {
+
+constexpr const char* version = "1";
+
+StageInfo report_info() {
+  StageInfo info{.name = "report",
+                 .version = version,
+                 .doc = "One self-contained HTML page from the files of a run"};
+  const auto optional = [](const char* role, const char* doc) {
+    return InputRole{.role = role, .required = false, .doc = doc, .manifest = true};
+  };
+  info.inputs = {
+      optional("labels", "labels.nrrd, with labels.json and manifest.json beside it"),
+      optional("surface", "surface.vtp, with manifest.json beside it"),
+      optional("mesh", "mesh.vtu, with quality.json and manifest.json beside it"),
+      optional("trajectory", "trajectory.h5, with metrics.csv and manifest.json beside it")};
+  info.outputs = {{"report.html", "report", "the page; opens from disk, loads nothing"},
+                  {"summary.json", "", "verdict, gates, metrics and digests for programs"}};
+  info.params = {{.name = "title",
+                  .type = ParamType::text,
+                  .fallback = "Soft-tissue simulation",
+                  .doc = "heading of the page"},
+                 {.name = "max_frames",
+                  .type = ParamType::integer,
+                  .fallback = 120,
+                  .lo = 2,
+                  .hi = 2000,
+                  .doc = "frames of the trajectory to show at most, evenly chosen"}};
+  info.libraries = {{"three.js", VISCERA_THREE_VERSION},
+                    {"Chart.js", VISCERA_CHART_VERSION},
+                    {"hdf5", VISCERA_HDF5_VERSION},
+                    {"zlib", VISCERA_ZLIB_VERSION}};
+  return info;
+}
+
+std::map<std::string, std::filesystem::path> given_inputs(const StageRun& run) {
+  std::map<std::string, std::filesystem::path> inputs;
+  for (const auto& declared : report_info().inputs) {
+    if (run.has_input(declared.role)) inputs[declared.role] = run.input(declared.role);
+  }
+  return inputs;
+}
+
+void check(const StageRun& run) {
+  if (!given_inputs(run).empty()) return;
+  throw Error(ExitCode::usage, {.where = "command line",
+                                .field = "--in",
+                                .found = "nothing to report on",
+                                .allowed = "labels, surface, mesh, trajectory: at least one",
+                                .remedy = "add for example --in trajectory=out/trajectory.h5"});
+}
+
+void make_report(StageRun& run) {
+  const auto title = run.param<std::string>("title");
+  Json report = read_sources(given_inputs(run));
+  report["title"] = title;
+  report["version"] = version;
+  report["libraries"] = report_info().libraries;
+  report["verdict"] = verdict_of(report);
+  report["viewer"] = nullptr;
+  std::string geometry;
+  if (run.has_input("trajectory")) {
+    const auto path = run.input("trajectory");
+    ViewerData viewer =
+        viewer_data(TrajectoryReader(path), run.param<std::size_t>("max_frames"), path.string());
+    report["viewer"] = std::move(viewer.meta);
+    geometry = std::move(viewer.packed);
+  }
+  const std::string page = report_page(title, report, geometry);
+  write_atomically(run.out("report.html"), page);
+  write_atomically(run.out("summary.json"),
+                   summary_of(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  run.metric("page_size", static_cast<double>(page.size()) / 1e6, "MB");
+  run.metric("gates_passed", report["verdict"]["gates_passed"]);
+  run.metric("gates_failed", report["verdict"]["gates_failed"]);
+  if (report["viewer"].is_null()) return;
+  run.metric("position_error", report["viewer"]["position_error_mm"], "mm");
+  run.metric("frames_shown", report["viewer"]["times_s"].size());
+}
+
+}  // namespace
+
+Stage report_stage() {
+  return {.info = report_info(), .run = make_report, .check = check};
+}
+
+}  // namespace viscera

@@ -1,0 +1,44 @@
+// Unpacks the geometry that stands in the page as deflated base64; the layout is documented at
+// ViewerData in viewer_data.hpp.
+"use strict";
+
+async function inflated(base64) {
+  const text = atob(base64);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+// { triangles: Uint32Array, rest: Uint16Array, frames: [Uint16Array], ratios: [Uint8Array] };
+// coordinates lie axis after axis: x of all vertices, then y, then z.
+viscera.unpack = async function (base64, meta) {
+  const bytes = await inflated(base64);
+  const n = meta.vertices, frames = meta.times_s.length;
+  const corners = 3 * meta.groups.reduce((sum, group) => sum + group.triangles, 0);
+  const triangles = new Uint32Array(bytes.slice(0, 4 * corners).buffer);
+  let at = 4 * corners;
+  const positions = [];
+  let before = new Uint16Array(3 * n);
+  for (let f = 0; f <= frames; ++f) {
+    const now = new Uint16Array(3 * n);
+    for (let axis = 0; axis < 3; ++axis, at += 2 * n) {
+      for (let i = 0, v = axis * n; i < n; ++i, ++v) {
+        const zigzag = bytes[at + i] | bytes[at + n + i] << 8;
+        now[v] = before[v] + (zigzag >> 1 ^ -(zigzag & 1));
+      }
+    }
+    positions.push(now);
+    before = now;
+  }
+  const ratios = [];
+  let last = new Uint8Array(n);
+  for (let f = 0; f < frames; ++f, at += n) {
+    const now = new Uint8Array(n);
+    for (let i = 0; i < n; ++i) now[i] = last[i] + bytes[at + i];
+    ratios.push(now);
+    last = now;
+  }
+  if (at !== bytes.length) throw new Error("the geometry in this page is incomplete");
+  return {triangles, rest: positions[0], frames: positions.slice(1), ratios};
+};

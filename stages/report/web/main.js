@@ -1,0 +1,243 @@
+// Puts the page together: the 3D view first, then tables, then plots. Time, theme and view can be
+// set in the address: #t=0.5&theme=dark&colour=ratio&view=A&edges=1&play=1. The state of the page
+// stands in #status: loading, ready or failed, the milliseconds to the first frame, and the
+// rectangle of the 3D view.
+"use strict";
+
+(function () {
+  const report = JSON.parse(byId("report").textContent);
+  const asked = new URLSearchParams(location.hash.slice(1));
+  const status = byId("status");
+  const timeCharts = [], charts = [];
+  let viewer = null, times = [], frame = 0, playing = false;
+
+  function fail(message) {
+    status.dataset.state = "failed";
+    status.append(message + "\n");
+    byId("verdict").append(viscera.element("p", {class: "fail"},
+      "This page could not be drawn completely: " + message));
+  }
+  window.addEventListener("error", event => fail(event.message));
+  window.addEventListener("unhandledrejection", event => fail(String(event.reason)));
+
+  function setTheme(name) {
+    document.documentElement.dataset.theme = name;
+    byId("theme").textContent = name === "dark" ? "Light" : "Dark";
+    byId("theme").setAttribute("aria-label",
+      "Switch to the " + (name === "dark" ? "light" : "dark") + " theme");
+    if (viewer) viewer.theme();
+    viscera.themeCharts(charts);
+  }
+  const prefersDark = matchMedia("(prefers-color-scheme: dark)");
+  const wanted = asked.get("theme");
+  const preferred = prefersDark.matches ? "dark" : "light";
+  setTheme(["dark", "light"].includes(wanted) ? wanted : preferred);
+  prefersDark.addEventListener("change", e => setTheme(e.matches ? "dark" : "light"));
+  byId("theme").addEventListener("click", () =>
+    setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
+
+  // The frame whose time is nearest.
+  function frameAt(time) {
+    let best = 0;
+    times.forEach((t, i) => { if (Math.abs(t - time) < Math.abs(times[best] - time)) best = i; });
+    return best;
+  }
+  function show(index) {
+    frame = index;
+    byId("time").value = index;
+    const text = times[index].toFixed(2) + "\u00a0s";
+    byId("clock").textContent = text;
+    byId("time").setAttribute("aria-valuetext", text);
+    viewer.setFrame(index);
+    for (const chart of timeCharts) chart.draw();
+  }
+
+  function setPlaying(on) {
+    playing = on;
+    byId("play").setAttribute("aria-label", on ? "Pause" : "Play");
+    byId("play").querySelector("path").setAttribute("d",
+      on ? "M4 2.5h3v11H4zM9 2.5h3v11H9z" : "M4 2.5v11l9-5.5z");
+    if (!on) return;
+    if (frame === times.length - 1) show(0);
+    let last = null, now = times[frame];
+    const step = stamp => {
+      if (!playing) return;
+      if (last !== null) now += (stamp - last) / 1000 * Number(byId("rate").value);
+      last = stamp;
+      let next = frame;
+      while (next + 1 < times.length && times[next + 1] <= now) ++next;
+      if (next !== frame) show(next);
+      if (frame === times.length - 1) setPlaying(false);
+      else requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  }
+
+  function updateLegend() {
+    const mode = byId("colour").value, limit = report.viewer.ratio_range;
+    byId("legend").hidden = mode === "label";
+    if (mode === "label") return;
+    const amount = mode !== "ratio";
+    const shown = value => viscera.number(Number(value.toPrecision(3)));
+    byId("legend-title").textContent = {displacement: "Distance from the scanned place, mm",
+      shape: "Distance beyond rigid motion, mm", ratio: "Volume over volume at rest"}[mode];
+    byId("legend-lo").textContent = amount ? "0" : "≤ " + (1 - limit).toFixed(3);
+    byId("legend-mid").textContent = amount ? shown(viewer.range(mode) / 2) : "1";
+    byId("legend-hi").textContent =
+      amount ? shown(viewer.range(mode)) : "≥ " + (1 + limit).toFixed(3);
+    const bar = byId("legend-bar"), context = bar.getContext("2d"), rgb = [0, 0, 0];
+    for (let x = 0; x < bar.width; ++x) {
+      viscera.mapped(amount ? "amount" : "deviation", x / (bar.width - 1), rgb, 0);
+      context.fillStyle = `rgb(${rgb.map(v => Math.round(255 * v)).join(",")})`;
+      context.fillRect(x, 0, 1, bar.height);
+    }
+  }
+
+  // A round length that is about a fifth of the view.
+  function updateScale() {
+    const perPixel = viewer.millimetresPerPixel(), length = viscera.roundLength(perPixel * 110);
+    byId("scale").querySelector("span").textContent = viscera.quantity(length, "mm");
+    byId("scale").querySelector("i").style.width = length / perPixel + "px";
+  }
+
+  // A field is first shown opaque, so that its colours are those of the legend.
+  function setColour(mode) {
+    byId("translucent").checked = mode === "label";
+    viewer.setTranslucent(mode === "label");
+    viewer.setColour(mode);
+    updateLegend();
+  }
+
+  function connectView() {
+    byId("time").max = Math.max(times.length - 1, 0);
+    byId("time").addEventListener("input", event => {
+      setPlaying(false);
+      show(Number(event.target.value));
+    });
+    byId("play").addEventListener("click", () => setPlaying(!playing));
+    byId("canvas").addEventListener("keydown", event => {
+      if (event.key !== " " || times.length < 2) return;
+      event.preventDefault();
+      setPlaying(!playing);
+    });
+    byId("transport").hidden = times.length < 2;
+    byId("translucent").addEventListener("change", e => viewer.setTranslucent(e.target.checked));
+    byId("edges").addEventListener("change", e => viewer.setEdges(e.target.checked));
+    byId("colour").addEventListener("change", () => setColour(byId("colour").value));
+    for (const button of byId("views").querySelectorAll("button")) {
+      button.addEventListener("click", () => viewer.look(button.dataset.view));
+    }
+    viewer.onDrawn(camera => {
+      viscera.drawTriad(byId("triad"), camera);
+      updateScale();
+    });
+    viewer.onDrawn(() => {
+      if (status.dataset.firstFrameMs) return;
+      status.dataset.firstFrameMs = Math.round(performance.now());
+      const box = byId("canvas").getBoundingClientRect();
+      status.dataset.canvas = [box.left, box.top, box.width, box.height].map(Math.round).join(",");
+    });
+  }
+
+  function applyAddress() {
+    const mode = asked.get("colour");
+    if (["label", "displacement", "shape", "ratio"].includes(mode)) {
+      byId("colour").value = mode;
+      setColour(mode);
+    }
+    if (["A", "L", "S", "oblique"].includes(asked.get("view"))) viewer.look(asked.get("view"));
+    if (asked.get("edges") === "1") byId("edges").click();
+    const time = Number(asked.get("t"));
+    if (times.length) show(asked.has("t") && isFinite(time) ? frameAt(time) : 0);
+    updateLegend();
+  }
+
+  async function startView() {
+    const meta = report.viewer;
+    byId("view").hidden = false;
+    try {
+      const data = await viscera.unpack(byId("geometry").textContent, meta);
+      viewer = viscera.createViewer(byId("canvas"), meta, data);
+    } catch (error) {
+      byId("view-notice").textContent = "The 3D view could not start (" + error.message +
+        "). It needs a browser with WebGL and DecompressionStream; the figures below do not.";
+      byId("view-notice").hidden = false;
+      byId("transport").hidden = true;
+      viscera.labelTable("labels", report);
+      status.append("view: " + error.message + "\n");
+      return;
+    }
+    times = meta.times_s;
+    const ground = ((report.scene || {}).effects || {}).ground;
+    if (ground && ground.normal) viewer.addGround(ground.normal, 1000 * ground.clearance);
+    viscera.labelTable("labels", report, viewer.colours, viewer.setVisible);
+    connectView();
+    applyAddress();
+    const shown = times.length === meta.frames_total ? `All ${times.length} frames`
+      : `${times.length} of ${meta.frames_total} frames, evenly chosen`;
+    const error = viscera.quantity(Number(meta.position_error_mm.toPrecision(2)), "mm");
+    const cell = viscera.quantity(viewer.gridCell, "mm");
+    byId("view-note").textContent = `${shown}; ${viscera.number(meta.vertices)} of ` +
+      `${viscera.number(meta.points)} points are on a surface and shown, each within ${error} of ` +
+      "the stored position. Parallel projection: the scale bar holds everywhere. L left, " +
+      "P posterior, S superior." + (ground ? ` The grid is the ground, in squares of ${cell}.` : "");
+  }
+
+  function hasTimeCourse() {
+    return Boolean(report.series.time_s && report.series.time_s.length > 1);
+  }
+  function drawCharts() {
+    const {series} = report;
+    const rest = viscera.restTime(report);
+    if (hasTimeCourse()) {
+      timeCharts.push(...viscera.timeCharts(byId("time-charts"), series, {
+        time: () => viewer && times.length ? times[frame] : null,
+        rest: () => typeof rest === "number" ? rest : null,
+        seek: time => { if (viewer && times.length) { setPlaying(false); show(frameAt(time)); } },
+      }));
+      if (series.inverted && series.inverted.every(v => v === 0)) {
+        byId("time-note").textContent = "No tet was inverted in any frame.";
+      }
+    }
+    if (report.quality && report.quality.measures) {
+      charts.push(...viscera.histograms(byId("quality-charts"), report.quality.measures));
+    }
+    charts.push(...timeCharts);
+    viscera.themeCharts(charts);
+  }
+
+  function drawNavigation() {
+    for (const section of document.querySelectorAll("main > section.panel")) {
+      if (section.hidden) continue;
+      byId("nav").append(viscera.element("a", {href: "#" + section.id},
+        section.dataset.short));
+    }
+  }
+
+  async function start() {
+    viscera.verdict(report);
+    viscera.keyFigures(report);
+    if (report.viewer) {
+      await startView();
+    } else if (viscera.labelRows(report).length) {
+      byId("volumes").hidden = false;
+      viscera.labelTable("volumes-table", report);
+    }
+    viscera.gates(report);
+    viscera.scene(report);
+    viscera.qualityTables(report);
+    viscera.stageTable(report);
+    viscera.metricList(report);
+    viscera.provenance(report);
+    byId("report-version").textContent = report.version;
+    byId("page-libraries").textContent =
+      Object.entries(report.libraries).map(([name, version]) => name + " " + version).join(", ");
+    byId("time-course").hidden = !hasTimeCourse();
+    drawNavigation();
+    await new Promise(resolve => requestAnimationFrame(() => setTimeout(resolve)));
+    drawCharts();
+    if (asked.get("play") === "1" && times.length) setPlaying(true);
+    if (status.dataset.state === "loading") status.dataset.state = "ready";
+  }
+  start().catch(error => fail(error.message));
+})();

@@ -1,0 +1,41 @@
+#include "stages/report/web_files.hpp"
+
+// Each embedded file lies between two symbols.
+#define VISCERA_WEB_FILE(name)                \
+  extern "C" const char viscera_web_##name[]; \
+  extern "C" const char viscera_web_##name##_end[]
+
+VISCERA_WEB_FILE(report_html);
+VISCERA_WEB_FILE(report_css);
+VISCERA_WEB_FILE(three_min_js);
+VISCERA_WEB_FILE(OrbitControls_js);
+VISCERA_WEB_FILE(chart_min_js);
+VISCERA_WEB_FILE(format_js);
+VISCERA_WEB_FILE(geometry_js);
+VISCERA_WEB_FILE(viewer_js);
+VISCERA_WEB_FILE(charts_js);
+VISCERA_WEB_FILE(tables_js);
+VISCERA_WEB_FILE(main_js);
+
+#define VISCERA_WEB_VIEW(name) \
+  std::string_view(viscera_web_##name, viscera_web_##name##_end - viscera_web_##name)
+
+namespace viscera::web {
+
+std::string_view skeleton() {
+  return VISCERA_WEB_VIEW(report_html);
+}
+
+std::string_view style() {
+  return VISCERA_WEB_VIEW(report_css);
+}
+
+std::vector<std::string_view> scripts() {
+  return {VISCERA_WEB_VIEW(three_min_js), VISCERA_WEB_VIEW(OrbitControls_js),
+          VISCERA_WEB_VIEW(chart_min_js), VISCERA_WEB_VIEW(format_js),
+          VISCERA_WEB_VIEW(geometry_js),  VISCERA_WEB_VIEW(viewer_js),
+          VISCERA_WEB_VIEW(charts_js),    VISCERA_WEB_VIEW(tables_js),
+          VISCERA_WEB_VIEW(main_js)};
+}
+
+}  // namespace viscera::web

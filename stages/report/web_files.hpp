@@ -1,0 +1,13 @@
+// The files of web/ and the two JavaScript libraries, as embedded at build time (embed.cmake).
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+namespace viscera::web {
+
+std::string_view skeleton();              // report.html with its {{places}}
+std::string_view style();                 // report.css
+std::vector<std::string_view> scripts();  // in the order in which they must run
+
+}  // namespace viscera::web

@@ -1,0 +1,66 @@
+#include "stages/simulate/frame_loop.hpp"
+
+#include <chrono>
+#include <cmath>
+
+#include "pipeline/contract/log.hpp"
+
+namespace viscera {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// A body that has moved this many times its own size has left the scene, not deformed.
+constexpr double lost_after_sizes = 1e3;
+
+std::string why_diverged(const sim::State& state, const sim::Diagnostics& now, double size) {
+  if (!state.finite()) return "values that are not finite";
+  if (now.max_displacement > lost_after_sizes * size) {
+    return fmt::format("a displacement of {:.3g} m", now.max_displacement);
+  }
+  return "";
+}
+
+}  // namespace
+
+Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scene& scene,
+                   const std::function<void(const Frame&, const sim::State&)>& keep) {
+  Outcome outcome;
+  const double size = model.size(), frame_s = scene.time.frame_s;
+  const int last_frame = static_cast<int>(std::ceil(scene.time.end_s / frame_s - 1e-9));
+  double most_elastic = -1.0, still_since = -1.0;
+  for (int index = 0; index <= last_frame; ++index) {
+    const auto begin = Clock::now();
+    if (index > 0) solver.advance_frame();
+    const double ms = 1e3 * std::chrono::duration<double>(Clock::now() - begin).count();
+
+    sim::State state = solver.state();
+    Frame frame{.index = index, .time_s = index * frame_s, .step_ms = index > 0 ? ms : 0.0};
+    frame.now = diagnose(model, scene, state);
+    outcome.divergence = why_diverged(state, frame.now, size);
+    if (!outcome.divergence.empty()) return outcome;
+    frame.contacts = solver.contact_count();
+    frame.state_hash = state.hash();
+    keep(frame, state);
+
+    if (frame.contacts > 0 && outcome.contact_time_s < 0.0) outcome.contact_time_s = frame.time_s;
+    const bool still = index > 0 && frame.now.max_speed < scene.rest.speed;
+    if (!still) still_since = -1.0;
+    if (still && still_since < 0.0) still_since = frame.time_s;
+    if (frame.now.elastic > most_elastic) {
+      most_elastic = frame.now.elastic;
+      outcome.most_deformed = state;
+    }
+    outcome.frames.push_back(frame);
+    outcome.last = std::move(state);
+    outcome.rested = still && frame.time_s - still_since >= scene.rest.hold_s - 1e-9;
+    if (outcome.rested) outcome.rest_time_s = still_since;
+    log::progress("simulating", outcome.rested ? 1.0 : frame.time_s / scene.time.end_s,
+                  fmt::format("t {:.2f} s, speed {:.1f} mm/s, {:.1f} ms a frame", frame.time_s,
+                              1e3 * frame.now.max_speed, frame.step_ms));
+    if (outcome.rested) return outcome;
+  }
+  return outcome;
+}
+
+}  // namespace viscera

@@ -1,0 +1,36 @@
+// Runs a solver frame by frame until the body rests, the time is over or the run diverges.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "sim/diagnostics.hpp"
+#include "sim/solvers/solver.hpp"
+
+namespace viscera {
+
+struct Frame {
+  int index = 0;
+  double time_s = 0.0;
+  sim::Diagnostics now;
+  std::size_t contacts = 0;
+  std::uint64_t state_hash = 0;
+  double step_ms = 0.0;  // wall time of advance_frame
+};
+
+struct Outcome {
+  std::vector<Frame> frames;  // frame 0 is the start
+  bool rested = false;
+  double contact_time_s = -1.0;  // first contact; negative: none
+  double rest_time_s = -1.0;     // when the body came to rest; negative: it did not
+  std::string divergence;        // empty: none
+  sim::State last;               // the last good state
+  sim::State most_deformed;      // where the elastic energy was greatest
+};
+
+// `keep` is called for every good frame, the first included.
+Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scene& scene,
+                   const std::function<void(const Frame&, const sim::State&)>& keep);
+
+}  // namespace viscera

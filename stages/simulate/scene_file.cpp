@@ -1,0 +1,331 @@
+#include "stages/simulate/scene_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "pipeline/contract/error.hpp"
+#include "pipeline/contract/yaml_file.hpp"
+
+namespace viscera {
+namespace fs = std::filesystem;
+namespace {
+
+const std::vector<Param>& material_params() {
+  static const std::vector<Param> params = {
+      quantity("E", nullptr, "Pa", 1e-3, 1e13, "Young's modulus"),
+      quantity("nu", nullptr, "1", -0.99, 0.499999, "Poisson's ratio"),
+      quantity("density", nullptr, "kg/m3", 1e-3, 1e5, "mass per volume"),
+      quantity("damping", "0 s", "s", 0.0, 1e4, "relaxation time of a Kelvin-Voigt solid")};
+  return params;
+}
+
+const std::vector<Param>& time_params() {
+  const sim::TimeGrid grid;
+  static const std::vector<Param> params = {
+      quantity("frame_rate", fmt::format("{} Hz", 1.0 / grid.frame_s), "Hz", 1.0, 1e5,
+               "frames kept per second"),
+      {.name = "substeps",
+       .type = ParamType::integer,
+       .fallback = grid.substeps,
+       .lo = 1.0,
+       .hi = 1e6,
+       .doc = "steps a frame"},
+      quantity("end", fmt::format("{} s", grid.end_s), "s", 1e-6, 1e5, "longest simulated time")};
+  return params;
+}
+
+const std::vector<Param>& rest_params() {
+  const sim::RestCriterion rest;
+  static const std::vector<Param> params = {
+      quantity("speed", fmt::format("{} m/s", rest.speed), "m/s", 0.0, 1e3,
+               "the fastest vertex of a body at rest"),
+      quantity("hold", fmt::format("{} s", rest.hold_s), "s", 0.0, 1e3, "for at least")};
+  return params;
+}
+
+const std::map<std::string, sim::StabilityPolicy> stability_policies = {
+    {"refuse", sim::StabilityPolicy::refuse},
+    {"warn", sim::StabilityPolicy::warn},
+    {"substeps", sim::StabilityPolicy::substeps}};
+
+class SceneReader {
+ public:
+  explicit SceneReader(const fs::path& path) : path_(path) {}
+
+  SceneFile read() {
+    const YAML::Node root = load_yaml(path_);
+    expect_map(root, "scene");
+    check_keys(root, "", {"scene", "materials", "effects", "time", "rest", "stability", "expect"});
+    if (!root["scene"] || root["scene"].Scalar() != "1") {
+      throw fail(root, "scene", "missing or another version",
+                 "scene: 1, the version of the schema");
+    }
+    read_materials(root["materials"]);
+    read_effects(root["effects"]);
+    read_grid(root);
+    read_stability(root["stability"]);
+    read_expect(root["expect"]);
+    return std::move(file_);
+  }
+
+ private:
+  Error fail(const YAML::Node& node, std::string field, std::string found, std::string allowed,
+             std::string remedy = "") const {
+    return Error(ExitCode::bad_config, {.where = place_of(path_, node),
+                                        .field = std::move(field),
+                                        .found = std::move(found),
+                                        .allowed = std::move(allowed),
+                                        .remedy = std::move(remedy)});
+  }
+
+  void expect_map(const YAML::Node& node, const std::string& field) const {
+    if (!node.IsMap()) throw fail(node, field, "not a map", "NAME: VALUE lines");
+  }
+
+  void check_keys(const YAML::Node& map, const std::string& prefix,
+                  const std::vector<std::string>& names) const {
+    for (const auto& item : map) {
+      const auto& name = item.first.Scalar();
+      if (std::ranges::count(names, name)) continue;
+      throw fail(item.first, prefix + name, "unknown key", "", suggest(name, names));
+    }
+  }
+
+  static Json value(const YAML::Node& node) {
+    if (node.IsScalar()) return value_from_text(node.Scalar());
+    if (!node.IsSequence()) return nullptr;
+    Json list = Json::array();
+    for (const auto& item : node) list.push_back(value(item));
+    return list;
+  }
+
+  // Every param of `map` (which may be empty or absent), each error at its own line.
+  Json resolve_map(const std::vector<Param>& params, const YAML::Node& map,
+                   const std::string& prefix) const {
+    const bool present = map.IsDefined() && !map.IsNull();
+    if (present) expect_map(map, prefix.substr(0, prefix.size() - 1));
+    std::vector<std::string> names;
+    for (const auto& param : params) names.push_back(param.name);
+    if (present) check_keys(map, prefix, names);
+    Json resolved = Json::object();
+    for (const auto& param : params) {
+      const YAML::Node node = present ? map[param.name] : YAML::Node(YAML::NodeType::Undefined);
+      const bool given = node.IsDefined();
+      if (!given && param.fallback.is_null()) {
+        throw fail(map, prefix + param.name, "missing", param.doc + " in " + param.unit);
+      }
+      resolved[param.name] =
+          resolve_value(param, given ? value(node) : param.fallback,
+                        given ? place_of(path_, node) : path_.string(), prefix + param.name);
+    }
+    return resolved;
+  }
+
+  void read_materials(const YAML::Node& node) {
+    if (!node || !node.IsMap() || node.size() == 0) {
+      throw Error(ExitCode::bad_config, {.where = path_.string(),
+                                         .field = "materials",
+                                         .found = "missing",
+                                         .allowed = "one material for each label of the mesh"});
+    }
+    for (const auto& item : node) {
+      const std::string& name = item.first.Scalar();
+      if (item.second.IsNull()) {
+        throw fail(item.first, "materials." + name, "empty", "{E: 5kPa, nu: 0.45, density: …}");
+      }
+      const Json m = resolve_map(material_params(), item.second, "materials." + name + ".");
+      file_.materials[name] = {.youngs_modulus = m["E"],
+                               .poisson_ratio = m["nu"],
+                               .density = m["density"],
+                               .damping = m["damping"]};
+    }
+  }
+
+  void read_effects(const YAML::Node& node) {
+    if (!node || !node.IsMap()) {
+      throw Error(ExitCode::bad_config, {.where = path_.string(),
+                                         .field = "effects",
+                                         .found = "missing",
+                                         .allowed = "the effects that are on, by name"});
+    }
+    check_keys(node, "effects.", effect_names());
+    sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+      if (!node[Effect::name]) return;
+      auto& params = std::get<i>(file_.scene.effects).emplace();
+      read_fields<Effect>(node[Effect::name], params);
+    });
+  }
+
+  template <class Effect>
+  void read_fields(const YAML::Node& node, typename Effect::Params& params) {
+    const std::string prefix = std::string("effects.") + Effect::name + ".";
+    std::vector<Param> declared;
+    std::apply([&](const auto&... field) { (declared.push_back(declare(field, params)), ...); },
+               Effect::fields());
+    const Json values = resolve_map(declared, node, prefix);
+    std::apply(
+        [&](const auto&... field) { (assign(field, values[field.name], params, prefix), ...); },
+        Effect::fields());
+  }
+
+  template <class Params>
+  static Param declare(const sim::Field<Params, double>& field, const Params& defaults) {
+    const double fallback = defaults.*field.member;
+    const std::string unit = field.unit;
+    return quantity(field.name, fmt::format("{}{}", fallback, unit == "1" ? "" : " " + unit),
+                    field.unit, field.lo, field.hi, field.doc);
+  }
+  template <class Params>
+  static Param declare(const sim::Field<Params, sim::Vec3<double>>& field, const Params& defaults) {
+    const auto& v = defaults.*field.member;
+    return {.name = field.name,
+            .type = ParamType::list,
+            .fallback = Json::array({v.x, v.y, v.z}),
+            .doc = field.doc};
+  }
+
+  template <class Params>
+  void assign(const sim::Field<Params, double>& field, const Json& value, Params& params,
+              const std::string&) const {
+    params.*field.member = value;
+  }
+  template <class Params>
+  void assign(const sim::Field<Params, sim::Vec3<double>>& field, const Json& value, Params& params,
+              const std::string& prefix) const {
+    const Param component =
+        quantity(field.name, nullptr, field.unit, field.lo, field.hi, field.doc);
+    if (value.size() != 3) {
+      throw Error(ExitCode::bad_config, {.where = path_.string(),
+                                         .field = prefix + field.name,
+                                         .found = value.dump(),
+                                         .allowed = "three numbers, [x, y, z]"});
+    }
+    std::array<double, 3> v;
+    for (int i = 0; i < 3; ++i) {
+      const Json number = resolve_value(component, value[i], path_.string(), prefix + field.name);
+      if (number.is_null()) {
+        throw Error(ExitCode::bad_config, {.where = path_.string(),
+                                           .field = prefix + field.name,
+                                           .found = value.dump(),
+                                           .allowed = "three numbers, [x, y, z]"});
+      }
+      v[i] = number;
+    }
+    params.*field.member = {v[0], v[1], v[2]};
+  }
+
+  void read_grid(const YAML::Node& root) {
+    const Json time = resolve_map(time_params(), root["time"], "time.");
+    file_.scene.time = {.frame_s = 1.0 / time["frame_rate"].get<double>(),
+                        .substeps = time["substeps"],
+                        .end_s = time["end"]};
+    const Json rest = resolve_map(rest_params(), root["rest"], "rest.");
+    file_.scene.rest = {.speed = rest["speed"], .hold_s = rest["hold"]};
+  }
+
+  void read_stability(const YAML::Node& node) {
+    if (!node) return;
+    const auto found =
+        node.IsScalar() ? stability_policies.find(node.Scalar()) : stability_policies.end();
+    if (found == stability_policies.end()) {
+      throw fail(node, "stability", node.IsScalar() ? "'" + node.Scalar() + "'" : "not a word",
+                 "refuse | warn | substeps");
+    }
+    file_.scene.stability = found->second;
+  }
+
+  void read_expect(const YAML::Node& node) {
+    if (!node || node.IsNull()) return;
+    expect_map(node, "expect");
+    for (const auto& item : node) {
+      const std::string metric = item.first.Scalar(), field = "expect." + metric;
+      expect_map(item.second, field);
+      check_keys(item.second, field + ".", {"min", "max"});
+      Expectation expectation{.metric = metric};
+      const auto bound = [&](const char* key) -> std::optional<double> {
+        const YAML::Node limit = item.second[key];
+        if (!limit) return std::nullopt;
+        const Json number = value(limit);
+        if (!number.is_number()) {
+          throw fail(limit, field + "." + key, number.dump(), "a number in the metric's unit");
+        }
+        return number.get<double>();
+      };
+      expectation.min = bound("min");
+      expectation.max = bound("max");
+      if (!expectation.min && !expectation.max) {
+        throw fail(item.second, field, "neither min nor max", "{min: NUMBER, max: NUMBER}, or one");
+      }
+      file_.expect.push_back(std::move(expectation));
+    }
+  }
+
+  fs::path path_;
+  SceneFile file_;
+};
+
+template <class Params>
+Json field_json(const sim::Field<Params, double>& field, const Params& params) {
+  return params.*field.member;
+}
+template <class Params>
+Json field_json(const sim::Field<Params, sim::Vec3<double>>& field, const Params& params) {
+  const auto& v = params.*field.member;
+  return Json::array({v.x, v.y, v.z});
+}
+
+}  // namespace
+
+SceneFile read_scene(const fs::path& path) {
+  return SceneReader(path).read();
+}
+
+std::vector<std::string> effect_names() {
+  std::vector<std::string> names;
+  sim::Effects::for_each([&]<class Effect, std::size_t>() { names.emplace_back(Effect::name); });
+  return names;
+}
+
+std::vector<std::string> effects_on(const sim::Scene& scene) {
+  std::vector<std::string> names;
+  sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+    if (std::get<i>(scene.effects)) names.emplace_back(Effect::name);
+  });
+  return names;
+}
+
+Json to_json(const SceneFile& file) {
+  Json json{{"scene", 1}, {"units", "SI"}};
+  for (const auto& [name, m] : file.materials) {
+    json["materials"][name] = {{"E", m.youngs_modulus},
+                               {"nu", m.poisson_ratio},
+                               {"density", m.density},
+                               {"damping", m.damping}};
+  }
+  json["effects"] = Json::object();
+  sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+    const auto& params = std::get<i>(file.scene.effects);
+    if (!params) return;
+    Json& effect = json["effects"][Effect::name] = Json::object();
+    std::apply([&](const auto&... f) { ((effect[f.name] = field_json(f, *params)), ...); },
+               Effect::fields());
+  });
+  const auto& scene = file.scene;
+  json["time"] = {
+      {"frame", scene.time.frame_s}, {"substeps", scene.time.substeps}, {"end", scene.time.end_s}};
+  json["rest"] = {{"speed", scene.rest.speed}, {"hold", scene.rest.hold_s}};
+  for (const auto& [name, policy] : stability_policies) {
+    if (policy == scene.stability) json["stability"] = name;
+  }
+  json["expect"] = Json::object();
+  for (const auto& expected : file.expect) {
+    Json& limits = json["expect"][expected.metric] = Json::object();
+    if (expected.min) limits["min"] = *expected.min;
+    if (expected.max) limits["max"] = *expected.max;
+  }
+  return json;
+}
+
+}  // namespace viscera

@@ -1,0 +1,39 @@
+// scene.yaml: materials by label name, the effects that are on, the time grid, and what is expected
+// of the result. Quantities carry their units; inside they are SI.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/contract/param.hpp"
+#include "sim/scene.hpp"
+
+namespace viscera {
+
+// A metric of the stage that must lie in [min, max]: becomes a gate.
+struct Expectation {
+  std::string metric;
+  std::optional<double> min, max;
+};
+
+struct SceneFile {
+  sim::Scene scene;
+  std::map<std::string, sim::Material> materials;
+  std::vector<Expectation> expect;
+};
+
+// Throws Error(bad_config) with file:line:column for unknown keys (and the nearest valid one),
+// missing or wrong units, and values out of range.
+SceneFile read_scene(const std::filesystem::path& path);
+
+// Names of all effects, and those that are on in a scene.
+std::vector<std::string> effect_names();
+std::vector<std::string> effects_on(const sim::Scene& scene);
+
+// The scene as it will run, SI, every default spelled out.
+Json to_json(const SceneFile& file);
+
+}  // namespace viscera

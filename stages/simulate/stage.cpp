@@ -1,0 +1,357 @@
+// From files to the simulation and back: millimetres become metres here and nowhere else.
+#include "stages/simulate/stage.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/error.hpp"
+#include "pipeline/contract/log.hpp"
+#include "sim/backend/backend.hpp"
+#include "sim/refusal.hpp"
+#include "sim/stability.hpp"
+#include "stages/common/tet_io.hpp"
+#include "stages/common/trajectory_io.hpp"
+#include "stages/simulate/frame_loop.hpp"
+#include "stages/simulate/scene_file.hpp"
+
+namespace viscera {
+namespace {
+
+constexpr double mm_to_m = 1e-3, m_to_mm = 1e3, m3_to_ml = 1e6;
+
+Error to_error(const sim::Refusal& refusal, const StageRun& run) {
+  using Cause = sim::Refusal::Cause;
+  const bool scene = refusal.cause == Cause::scene, mesh = refusal.cause == Cause::mesh;
+  return Error(scene  ? ExitCode::bad_config
+               : mesh ? ExitCode::bad_input
+                      : ExitCode::device_unavailable,
+               {.where = scene  ? run.input("scene").string()
+                         : mesh ? run.input("mesh").string()
+                                : "device",
+                .field = refusal.field,
+                .found = refusal.found,
+                .allowed = refusal.allowed,
+                .remedy = refusal.remedy});
+}
+
+// Runs `work`, its refusals turned into errors that name the file.
+template <class Work>
+void translated(const StageRun& run, Work&& work) {
+  try {
+    work();
+  } catch (const sim::Refusal& refusal) {
+    throw to_error(refusal, run);
+  }
+}
+
+// The scene's materials by the mesh's labels.
+std::map<int, sim::Material> materials_by_label(const TetMesh& mesh, const SceneFile& file,
+                                                const StageRun& run) {
+  std::vector<std::string> known;
+  for (const auto& [name, material] : file.materials) known.push_back(name);
+  std::map<int, sim::Material> materials;
+  for (const auto& [label, name] : mesh.label_names) {
+    const auto found = file.materials.find(name);
+    if (found == file.materials.end()) {
+      throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),
+                                         .field = "materials." + name,
+                                         .found = "missing, and the mesh has this label",
+                                         .allowed = "one material for each label of the mesh",
+                                         .remedy = "add it, or " + suggest(name, known)});
+    }
+    materials[label] = found->second;
+  }
+  return materials;
+}
+
+sim::Model model_of(const TetMesh& mesh, const SceneFile& file, const StageRun& run) {
+  std::vector<sim::Vec3<double>> points;
+  for (const auto& [x, y, z] : mesh.points) {
+    points.push_back(mm_to_m * sim::Vec3<double>{x, y, z});
+  }
+  return sim::make_model(points, mesh.tets, mesh.labels, materials_by_label(mesh, file, run));
+}
+
+// Metrics of a run on which a scene may set an expectation.
+const std::vector<std::string> expectable = {"contact_time",
+                                             "rest_time",
+                                             "min_J",
+                                             "inverted_max",
+                                             "volume_ratio_end",
+                                             "displacement_max_end",
+                                             "smoothness_rest",
+                                             "smoothness_max_deformation",
+                                             "stability_Cs_max",
+                                             "stability_kappa_max"};
+
+SceneFile scene_of(const StageRun& run) {
+  SceneFile file = read_scene(run.input("scene"));
+  for (const auto& expected : file.expect) {
+    if (std::ranges::count(expectable, expected.metric)) continue;
+    throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),
+                                       .field = "expect." + expected.metric,
+                                       .found = "no such metric",
+                                       .remedy = suggest(expected.metric, expectable)});
+  }
+  if (run.has_param("substeps")) file.scene.time.substeps = run.param<int>("substeps");
+  if (run.has_param("end")) file.scene.time.end_s = run.param<double>("end");
+  return file;
+}
+
+std::unique_ptr<sim::Solver> solver_of(StageRun& run, const sim::Model& model,
+                                       const sim::Scene& scene) {
+  const auto precision =
+      run.param<std::string>("precision") == "fp64" ? sim::Precision::fp64 : sim::Precision::fp32;
+  const auto on_cpu = [&] {
+    return sim::make_xpbd_cpu(model, scene, precision, run.param<int>("threads"));
+  };
+  const std::string device = run.param<std::string>("device");
+  if (device == "cpu") return on_cpu();
+  if (device == "cuda") return sim::make_xpbd_cuda(model, scene, precision);
+  const auto cuda = sim::find_cuda_device();
+  if (!cuda.name) {
+    log::info("no CUDA device ({}): running on the CPU", cuda.why_not);
+    return on_cpu();
+  }
+  try {
+    return sim::make_xpbd_cuda(model, scene, precision);
+  } catch (const sim::Refusal& refusal) {
+    log::warn("{} cannot be used ({}): running on the CPU", *cuda.name, refusal.found);
+    run.set_uncacheable("device: auto fell back to the CPU although there is a CUDA device");
+    return on_cpu();
+  }
+}
+
+// metrics.csv: one row a frame, every column with its unit; no times of the machine, so that equal
+// runs give equal files.
+class MetricsFile {
+ public:
+  explicit MetricsFile(const std::filesystem::path& path) : file_(path) {
+    file_ << "frame,time_s,kinetic_J,elastic_J,gravity_J,total_J,volume_ml,volume_ratio,min_J,"
+             "inverted,max_speed_m_s,rms_speed_m_s,contacts,state_hash\n";
+  }
+  void add(const Frame& f) {
+    const auto& d = f.now;
+    file_ << fmt::format(
+        "{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{},{:.6g},"
+        "{:.6g},{},{:016x}\n",
+        f.index, f.time_s, d.kinetic, d.elastic, d.gravity, d.total(), m3_to_ml * d.volume,
+        d.volume_ratio, d.min_j, d.inverted, d.max_speed, d.rms_speed, f.contacts, f.state_hash);
+  }
+  void close(const std::filesystem::path& path) {
+    file_.close();
+    if (!file_) {
+      throw Error(ExitCode::usage, {.where = path.string(),
+                                    .found = "could not be written",
+                                    .remedy = "check the free space"});
+    }
+  }
+
+ private:
+  std::ofstream file_;
+};
+
+std::vector<float> positions_mm(const sim::Model& model, const sim::State& state) {
+  std::vector<float> positions;
+  positions.reserve(3 * model.vertex_count());
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    const sim::Vec3<double> x = m_to_mm * (model.origin + model.rest[i] + state.u[i]);
+    for (const double value : {x.x, x.y, x.z}) positions.push_back(static_cast<float>(value));
+  }
+  return positions;
+}
+
+double quantile(std::vector<double> values, double q) {
+  if (values.empty()) return 0.0;
+  std::ranges::sort(values);
+  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
+}
+
+void report_stability(StageRun& run, const sim::Stability& stability, const sim::Scene& scene,
+                      int asked_substeps) {
+  run.metric("substeps", scene.time.substeps);
+  run.metric("stability_Cs_max", stability.cs_max);
+  run.metric("stability_Cs_tet", stability.cs_tet);
+  run.metric("stability_kappa_max", stability.kappa_max);
+  run.metric("altitude_min", m_to_mm * stability.altitude_min, "mm");
+  if (scene.time.substeps != asked_substeps) {
+    log::warn("substeps raised from {} to {} a frame, so that Cs is {:.2f} (limit {:.1f})",
+              asked_substeps, scene.time.substeps, stability.cs_max, sim::cs_limit);
+  } else if (stability.cs_max > sim::cs_limit) {
+    log::warn(
+        "Cs is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
+        stability.cs_max, stability.cs_tet, sim::cs_limit, stability.substeps_needed);
+  }
+  log::info("Cs {:.3f}, kappa {:.3f}, {} substeps of {:.3g} ms", stability.cs_max,
+            stability.kappa_max, scene.time.substeps, 1e3 * scene.time.substep_s());
+}
+
+// The share of tets on which viscosity is lowered already at rest (effects/viscosity.hpp).
+void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& scene) {
+  if (!scene.params<sim::Viscosity>()) return;
+  std::size_t lowered = 0;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    const double number = sim::Viscosity::explicit_number(model, t, scene.time.substep_s());
+    if (3.0 * number > sim::Viscosity::bound) ++lowered;
+  }
+  const double share = static_cast<double>(lowered) / static_cast<double>(model.tet_count());
+  run.metric("viscosity_lowered", share);
+  log::info("viscosity is lowered on {:.1f} % of the tets to stay stable", 100.0 * share);
+}
+
+void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& file,
+                    const Outcome& outcome) {
+  const auto on = effects_on(file.scene);
+  std::vector<std::string> off;
+  for (const auto& name : effect_names()) {
+    if (!std::ranges::count(on, name)) off.push_back(name);
+  }
+  run.metric("effects_on", on);
+  run.metric("effects_off", off);
+  run.metric("tets", model.tet_count());
+  run.metric("vertices", model.vertex_count());
+  run.metric("frames", outcome.frames.size());
+  const Json never = nullptr;
+  const auto time = [&never](double s) { return s < 0.0 ? never : Json(s); };
+  run.metric("contact_time", time(outcome.contact_time_s), "s");
+  run.metric("rest_time", time(outcome.rest_time_s), "s");
+  const Frame& last = outcome.frames.back();
+  double min_j = last.now.min_j;
+  std::size_t inverted = 0;
+  std::vector<double> step_ms;
+  for (const auto& frame : outcome.frames) {
+    min_j = std::min(min_j, frame.now.min_j);
+    inverted = std::max(inverted, frame.now.inverted);
+    if (frame.index > 0) step_ms.push_back(frame.step_ms);
+  }
+  run.metric("min_J", min_j);
+  run.metric("inverted_max", inverted);
+  run.metric("volume_ratio_end", last.now.volume_ratio);
+  run.metric("displacement_max_end", m_to_mm * last.now.max_displacement, "mm");
+  run.metric("smoothness_rest",
+             smoothness(model, {std::vector<sim::Vec3<double>>(model.vertex_count()), {}}));
+  run.metric("smoothness_max_deformation", smoothness(model, outcome.most_deformed));
+  run.machine_metric("frame_ms_median", quantile(step_ms, 0.5), "ms");
+  run.machine_metric("frame_ms_p99", quantile(step_ms, 0.99), "ms");
+  run.metric("state_hash_end", fmt::format("{:016x}", last.state_hash));
+}
+
+// The scene's expectations become gates on metrics of this run.
+void apply_expectations(StageRun& run, const SceneFile& file) {
+  for (const auto& expected : file.expect) {
+    const auto found = std::ranges::find(run.metrics(), expected.metric, &Metric::name);
+    const Metric metric = *found;
+    const double value = metric.value.is_number() ? metric.value.get<double>()
+                                                  : std::numeric_limits<double>::quiet_NaN();
+    if (expected.min) run.gate(metric.name, value, ">=", *expected.min, metric.unit);
+    if (expected.max) run.gate(metric.name, value, "<=", *expected.max, metric.unit);
+  }
+}
+
+void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome) {
+  std::vector<std::pair<double, std::size_t>> worst;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    sim::Vec3<double> u[4];
+    for (int i = 0; i < 4; ++i) u[i] = outcome.last.u[model.tets[t][i]];
+    const auto h = sim::displacement_gradient(u, model.rest_inverse[t]);
+    worst.emplace_back(1.0 + sim::NeoHookean::volume_strain(h), t);
+  }
+  const auto shown = std::min<std::size_t>(5, worst.size());
+  std::partial_sort(worst.begin(), worst.begin() + shown, worst.end());
+  std::string tets;
+  for (std::size_t i = 0; i < shown; ++i) {
+    tets += fmt::format("{}{} (J {:.3g})", i ? ", " : "", worst[i].second, worst[i].first);
+  }
+  run.set_diverged(fmt::format(
+      "diverged after frame {} (t {:.4f} s) with {}; tets with the smallest J there: {}\n"
+      "  remedy:  more substeps, stability: substeps, or a mesh without slivers",
+      outcome.frames.back().index, outcome.frames.back().time_s, outcome.divergence, tets));
+}
+
+void simulate(StageRun& run) {
+  SceneFile file = scene_of(run);
+  const TetMesh mesh = read_vtu(run.input("mesh"));
+  const sim::Model model = model_of(mesh, file, run);
+  const int asked_substeps = file.scene.time.substeps;
+  const sim::Stability stability = apply_policy(model, file.scene);
+  report_stability(run, stability, file.scene, asked_substeps);
+  report_viscosity(run, model, file.scene);
+  write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
+
+  const auto solver = solver_of(run, model, file.scene);
+  run.set_device(solver->device());
+  log::info("{} tets, {} vertices on {}; effects: {}", model.tet_count(), model.vertex_count(),
+            solver->device(), fmt::join(effects_on(file.scene), ", "));
+  TrajectoryWriter trajectory(run.out(""), mesh);
+  MetricsFile metrics(run.out("metrics.csv"));
+  const Outcome outcome =
+      run_frames(*solver, model, file.scene, [&](const Frame& frame, const sim::State& state) {
+        trajectory.append(frame.time_s, positions_mm(model, state));
+        metrics.add(frame);
+      });
+  trajectory.finish();
+  metrics.close(run.out("metrics.csv"));
+  report_outcome(run, model, file, outcome);
+  if (!outcome.divergence.empty()) {
+    report_divergence(run, model, outcome);
+  } else {
+    apply_expectations(run, file);
+    log::info("{} at t {:.2f} s", outcome.rested ? "at rest" : "not at rest when the time was over",
+              outcome.frames.back().time_s);
+  }
+}
+
+}  // namespace
+
+const Stage& simulate_stage() {
+  static const Stage stage{
+      .info =
+          {.name = "simulate",
+           .version = "1",
+           .doc = "Extended position based dynamics of a tetrahedral mesh",
+           .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},
+                      {.role = "scene", .doc = "scene.yaml: materials, effects, time"}},
+           .outputs = {{.file = "trajectory.h5", .role = "trajectory", .doc = "positions by frame"},
+                       {.file = "trajectory.xdmf", .doc = "opens trajectory.h5 in ParaView"},
+                       {.file = "metrics.csv", .doc = "energies, volume, speed, contacts by frame"},
+                       {.file = "scene.json",
+                        .doc = "the scene as it ran, SI, defaults spelled out"}},
+           .params = {{.name = "device",
+                       .type = ParamType::text,
+                       .fallback = "auto",
+                       .choices = {"auto", "cpu", "cuda"},
+                       .doc = "auto: CUDA when there is a device, else the CPU"},
+                      {.name = "precision",
+                       .type = ParamType::text,
+                       .fallback = "fp32",
+                       .choices = {"fp32", "fp64"},
+                       .doc = "of the state and the solver; diagnostics are always fp64"},
+                      {.name = "substeps",
+                       .type = ParamType::integer,
+                       .fallback = nullptr,
+                       .lo = 1.0,
+                       .hi = 1e6,
+                       .doc = "in place of the scene's time.substeps"},
+                      quantity("end", nullptr, "s", 1e-6, 1e5, "in place of the scene's time.end"),
+                      {.name = "threads",
+                       .type = ParamType::integer,
+                       .fallback = 0,
+                       .lo = 0.0,
+                       .hi = 1024.0,
+                       .doc = "CPU threads, 0 for all; results do not depend on it",
+                       .in_key = false}},
+           .libraries = {{"HDF5", hdf5_version()}, {"VTK", vtk_version()}},
+           .probes = {"/proc/driver/nvidia/version", "env:CUDA_VISIBLE_DEVICES"}},
+      .run = [](StageRun& run) { translated(run, [&run] { simulate(run); }); },
+      .check =
+          [](const StageRun& run) {
+            translated(run, [&run] { sim::check_scene(scene_of(run).scene); });
+          }};
+  return stage;
+}
+
+}  // namespace viscera

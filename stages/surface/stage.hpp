@@ -1,0 +1,10 @@
+// viscera-surface: labels.nrrd in, surface.vtp out.
+#pragma once
+
+#include "stages/common/stage_main.hpp"
+
+namespace viscera {
+
+Stage surface_stage();
+
+}  // namespace viscera

@@ -1,0 +1,164 @@
+#include "stages/tetmesh/improve.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+#include "pipeline/contract/log.hpp"
+#include "stages/tetmesh/improve_stars.hpp"
+
+namespace viscera {
+namespace {
+
+constexpr int edge_ends[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
+
+// The first rounds work on all tets below the goal; later ones, when little is left to gain there,
+// on the worse ones alone, and without relief of busy points, which would undo their work.
+constexpr int broad_rounds = 4;
+
+class Improver {
+ public:
+  Improver(Stars& mesh, const ImproveOptions& options)
+      : mesh_(mesh), options_(options), goal_(options.goal), tried_(mesh.tets().size(), -1) {}
+
+  Improved run() {
+    result_.worst_before = worst();
+    smooth_all();
+    for (int round = 0; round < options_.rounds; ++round) {
+      log::check_interrupt();
+      if (options_.progress) options_.progress(1.0 * round / options_.rounds);
+      if (round < broad_rounds) {
+        relieve_busy();
+      } else {
+        goal_ = 0.8 * options_.goal;
+      }
+      if (!work_on_worst() && round >= broad_rounds) break;
+    }
+    result_.worst_after = worst();
+    return result_;
+  }
+
+ private:
+  // Tets below the goal, worst first.
+  std::vector<int> bad_tets() const {
+    std::vector<int> bad;
+    for (std::size_t t = 0; t < mesh_.tets().size(); ++t)
+      if (mesh_.alive(static_cast<int>(t)) && mesh_.quality(static_cast<int>(t)) < goal_)
+        bad.push_back(static_cast<int>(t));
+    std::stable_sort(bad.begin(), bad.end(),
+                     [&](int a, int b) { return mesh_.quality(a) < mesh_.quality(b); });
+    return bad;
+  }
+
+  double worst() const {
+    const auto bad = bad_tets();
+    return bad.empty() ? goal_ : mesh_.quality(bad.front());
+  }
+
+  void smooth_all() {
+    for (std::size_t p = 0; p < mesh_.points().size(); ++p) {
+      const int point = static_cast<int>(p);
+      if (!mesh_.star(point).empty() && mesh_.worst(mesh_.star(point)) < goal_)
+        result_.moves += smooth(mesh_, point);
+    }
+  }
+
+  bool work_on_worst() {
+    bool changed = false;
+    for (const int tet : bad_tets()) {
+      // Its place may have been taken by a better tet meanwhile.
+      if (!mesh_.alive(tet) || mesh_.quality(tet) >= goal_ || is_stuck(tet)) continue;
+      if (improve_tet(tet)) {
+        changed = true;
+      } else {
+        tried_.resize(mesh_.tets().size(), -1);
+        tried_[tet] = mesh_.now();
+      }
+    }
+    return changed;
+  }
+
+  // Nothing around it has changed since everything was tried in vain.
+  bool is_stuck(int tet) const {
+    if (static_cast<std::size_t>(tet) >= tried_.size() || tried_[tet] < 0) return false;
+    const Tet& corners = mesh_.tets()[tet];
+    return std::all_of(corners.begin(), corners.end(),
+                       [&](int corner) { return mesh_.stamp(corner) <= tried_[tet]; });
+  }
+
+  // Room is made for a tet that nothing else helps by moving what stands around it.
+  bool smooth_around(const Tet& corners) {
+    std::vector<int> points;
+    for (const int corner : corners) {
+      const auto near = mesh_.neighbours(corner);
+      points.insert(points.end(), near.begin(), near.end());
+    }
+    std::sort(points.begin(), points.end());
+    points.erase(std::unique(points.begin(), points.end()), points.end());
+    bool moved = false;
+    for (const int point : points) moved |= smooth(mesh_, point);
+    result_.moves += moved;
+    return moved;
+  }
+
+  bool improve_tet(int tet) {
+    const Tet corners = mesh_.tets()[tet];
+    for (const auto& ends : edge_ends)
+      if (remove_edge(mesh_, corners[ends[0]], corners[ends[1]])) {
+        ++result_.edges_removed;
+        return true;
+      }
+    for (int corner = 0; corner < 4; ++corner)
+      if (flip_face(mesh_, tet, corner)) {
+        ++result_.faces_flipped;
+        return true;
+      }
+    bool moved = false;
+    for (const int corner : corners) moved |= smooth(mesh_, corner);
+    result_.moves += moved;
+    if (mesh_.quality(tet) >= goal_) return moved;
+    for (const auto& ends : edge_ends)
+      for (int way = 0; way < 2; ++way)
+        if (collapse_edge(mesh_, corners[ends[way]], corners[ends[1 - way]])) {
+          ++result_.collapses;
+          return true;
+        }
+    if (moved || mesh_.quality(tet) >= options_.poor) return moved;
+    return smooth_around(corners) || split_an_edge(corners);
+  }
+
+  bool split_an_edge(const Tet& corners) {
+    for (const auto& ends : edge_ends)
+      if (split_edge(mesh_, corners[ends[0]], corners[ends[1]])) {
+        ++result_.splits;
+        return true;
+      }
+    return false;
+  }
+
+  // Busy points first lose edges as far as quality allows; the rest of the work then goes on.
+  void relieve_busy() {
+    for (std::size_t p = 0; p < mesh_.points().size(); ++p) {
+      const int point = static_cast<int>(p);
+      while (static_cast<int>(mesh_.star(point).size()) > options_.valence &&
+             relieve(mesh_, point, options_.poor))
+        ++result_.edges_removed;
+    }
+  }
+
+  Stars& mesh_;
+  const ImproveOptions& options_;
+  double goal_;
+  std::vector<long> tried_;  // the mesh's count of changes when a tet was given up
+  Improved result_;
+};
+
+}  // namespace
+
+Improved improve(TetMesh& mesh, const Projector& project, const ImproveOptions& options) {
+  Stars stars(mesh, project);
+  const Improved result = Improver(stars, options).run();
+  stars.extract(mesh);
+  return result;
+}
+
+}  // namespace viscera

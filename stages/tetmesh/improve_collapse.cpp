@@ -1,0 +1,121 @@
+// Changes of the number of vertices. One is taken out by moving it onto a neighbour, which ends
+// needles and short edges; on a surface it only moves within it. One is put on an edge where only
+// room inside is missing, as in thin parts all of whose vertices lie on surfaces.
+#include <algorithm>
+
+#include "stages/tetmesh/improve_stars.hpp"
+
+namespace viscera {
+namespace {
+
+constexpr double gain = 1e-9;
+
+// The labels on the two sides of the face opposite `corner`; equal inside a material.
+std::array<int, 2> sides(const Stars& mesh, int tet, int corner) {
+  const Tet& t = mesh.tets()[tet];
+  std::array<int, 2> labels{mesh.label(tet), 0};
+  for (const int other : mesh.star(t[(corner + 1) % 4])) {
+    const Tet& o = mesh.tets()[other];
+    if (other != tet && holds(o, t[(corner + 2) % 4]) && holds(o, t[(corner + 3) % 4]))
+      labels[1] = mesh.label(other);
+  }
+  if (labels[0] > labels[1]) std::swap(labels[0], labels[1]);
+  return labels;
+}
+
+// Every surface triangle at `gone` that lives on keeps its direction and its distance.
+bool surface_stays(const Stars& mesh, int gone, int kept, const Leeway& allowed) {
+  const auto& p = mesh.points();
+  for (const int t : mesh.star(gone)) {
+    const Tet& tet = mesh.tets()[t];
+    for (int corner = 0; corner < 4; ++corner) {
+      std::array<int, 3> face{tet[(corner + 1) % 4], tet[(corner + 2) % 4], tet[(corner + 3) % 4]};
+      const auto at = std::find(face.begin(), face.end(), gone);
+      if (at == face.end() || std::count(face.begin(), face.end(), kept)) continue;
+      const auto labels = sides(mesh, t, corner);
+      if (labels[0] == labels[1]) continue;
+      const Vec before = cross(sub(p[face[1]], p[face[0]]), sub(p[face[2]], p[face[0]]));
+      *at = kept;
+      const Vec after = cross(sub(p[face[1]], p[face[0]]), sub(p[face[2]], p[face[0]]));
+      if (dot(before, after) < allowed.cosine * norm(before) * norm(after)) return false;
+      const Vec centre = scale(1.0 / 3.0, add(p[face[0]], add(p[face[1]], p[face[2]])));
+      const auto contact = mesh.project()(centre, {labels[0], labels[1]});
+      if (!contact || norm(sub(contact->point, centre)) > allowed.distance * mesh.size(gone))
+        return false;
+    }
+  }
+  return true;
+}
+
+// How many surface triangles stand on the edge, one side of each counted.
+int surface_triangles(const Ring& ring) {
+  int changes = ring.closed ? 0 : 2;
+  for (std::size_t i = ring.closed ? 0 : 1; i < ring.arcs.size(); ++i) {
+    const auto& before = ring.arcs[(i + ring.arcs.size() - 1) % ring.arcs.size()];
+    changes += ring.arcs[i].label != before.label;
+  }
+  return changes;
+}
+
+// The link condition: what both ends know is just what stands around the edge.
+bool links_agree(const Stars& mesh, const Ring& ring, int gone, int kept) {
+  const auto a = mesh.neighbours(gone), b = mesh.neighbours(kept);
+  std::vector<int> both;
+  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
+  return both.size() == ring.arcs.size() + (ring.closed ? 0 : 1);
+}
+
+bool may_collapse(const Stars& mesh, const Ring& ring, int gone, int kept, double bar) {
+  if (ring.arcs.empty() || !links_agree(mesh, ring, gone, kept)) return false;
+  const auto from = mesh.labels_at(gone), onto = mesh.labels_at(kept);
+  if (from.size() < 2) return true;
+  if (from.size() > 3 || !mesh.project()) return false;
+  return std::includes(onto.begin(), onto.end(), from.begin(), from.end()) &&
+         surface_triangles(ring) == static_cast<int>(from.size()) &&
+         surface_stays(mesh, gone, kept, leeway(bar));
+}
+
+}  // namespace
+
+bool collapse_edge(Stars& mesh, int gone, int kept) {
+  const double bar = std::max(mesh.worst(mesh.star(gone)), 0.0) + gain;
+  std::vector<std::pair<Tet, int>> fresh;
+  for (const int t : mesh.star(gone)) {
+    Tet tet = mesh.tets()[t];
+    if (holds(tet, kept)) continue;
+    *std::find(tet.begin(), tet.end(), gone) = kept;
+    if (mesh.quality_of(tet) <= bar) return false;
+    fresh.push_back({tet, mesh.label(t)});
+  }
+  const Ring ring = mesh.ring(gone, kept);
+  if (fresh.empty() || !may_collapse(mesh, ring, gone, kept, bar)) return false;
+  mesh.replace(std::vector<int>(mesh.star(gone)), fresh);
+  return true;
+}
+
+bool split_edge(Stars& mesh, int a, int b) {
+  const Ring ring = mesh.ring(a, b);
+  if (ring.arcs.empty() || surface_triangles(ring) > 0) return false;
+  std::vector<int> old;
+  std::vector<std::pair<Tet, int>> before, after;
+  const double size = 0.5 * (mesh.size(a) + mesh.size(b));
+  const int middle = mesh.insert(scale(0.5, add(mesh.points()[a], mesh.points()[b])), size);
+  for (const Arc& arc : ring.arcs) {
+    const Tet tet = mesh.tets()[arc.tet];
+    old.push_back(arc.tet);
+    before.push_back({tet, arc.label});
+    for (const int end : {a, b}) {
+      after.push_back({tet, arc.label});
+      *std::find(after.back().first.begin(), after.back().first.end(), end) = middle;
+    }
+  }
+  const double bar = mesh.worst(old) + gain;
+  mesh.replace(old, after);
+  smooth(mesh, middle);
+  if (mesh.worst(mesh.star(middle)) > bar) return true;
+  mesh.replace(std::vector<int>(mesh.star(middle)), before);
+  mesh.drop_last_point();
+  return false;
+}
+
+}  // namespace viscera

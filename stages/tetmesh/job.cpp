@@ -1,0 +1,233 @@
+#include "stages/tetmesh/job.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/contract/error.hpp"
+#include "pipeline/contract/log.hpp"
+#include "stages/common/image_io.hpp"
+#include "stages/common/label_components.hpp"
+#include "stages/common/surface_io.hpp"
+#include "stages/tetmesh/measure.hpp"
+#include "stages/tetmesh/project_fields.hpp"
+
+namespace viscera {
+namespace {
+
+constexpr double absurd_tets = 20e6;
+constexpr int trial_rounds = 2;  // of improvement: enough to know volumes and the number of tets
+constexpr int search_tries = 8;
+constexpr double search_tolerance = 0.03;
+// How far a label may be aimed from its volume to make up for facets that cut its corners.
+constexpr double aim_low = 0.8, aim_high = 1.5;
+
+Error bad_route(std::string found, std::string remedy) {
+  return Error(ExitCode::bad_config, {.where = "parameters",
+                                      .field = "route",
+                                      .found = std::move(found),
+                                      .allowed = "auto, fields (needs labels) or surface (needs "
+                                                 "surface)",
+                                      .remedy = std::move(remedy)});
+}
+
+// The one surface that bounds the body.
+SurfaceMesh body_surface(const SurfaceMesh& all, const std::string& file) {
+  if (all.label_names.size() == 1) return all;
+  if (all.label_names.count(body_label)) return extract(all, body_label);
+  throw Error(ExitCode::bad_input,
+              {.where = file,
+               .field = "CellData/label",
+               .found = fmt::format("{} labels and no surface of the whole body (label 0)",
+                                    all.label_names.size()),
+               .allowed = "one surface, or the body's among them",
+               .remedy = "run viscera-surface with body=true, or use route: fields"});
+}
+
+}  // namespace
+
+MeshJob::MeshJob(const StageRun& run) {
+  const auto route = run.param<std::string>("route");
+  const bool labels = run.has_input("labels"), surface = run.has_input("surface");
+  if (!labels && !surface)
+    throw bad_route("neither labels nor surface given",
+                    "add --in labels=FILE or --in surface=FILE");
+  by_fields_ = route == "fields" || (route == "auto" && labels);
+  if (by_fields_ && !labels) throw bad_route("fields, without labels", "add --in labels=FILE");
+  if (!by_fields_ && !surface) throw bad_route("surface, without one", "add --in surface=FILE");
+  factors_ = {.facet_size = run.param<double>("facet_size"),
+              .facet_distance = run.param<double>("facet_distance"),
+              .facet_angle = run.param<double>("facet_angle"),
+              .radius_edge = run.param<double>("radius_edge")};
+  lattice_ = run.param<double>("lattice");
+  const auto improver = run.param<std::string>("improve");
+  improve_ = improver == "own";
+  slivers_ = {.perturb_and_exude = improver == "cgal", .angle = run.param<double>("sliver_angle")};
+  if (labels) take_labels(run);
+  if (!by_fields_) take_surface(run);
+}
+
+void MeshJob::take_labels(const StageRun& run) {
+  image_ = read_image(run.input("labels")).image;
+  const Frame& frame = image_->frame;
+  for (const auto id : image_->voxels)
+    if (id != 0) label_volumes_[id] += frame.voxel_volume();
+  if (label_volumes_.empty() || std::min({frame.size[0], frame.size[1], frame.size[2]}) < 5) {
+    throw Error(ExitCode::bad_input, {.where = run.input("labels").string(),
+                                      .field = "voxels",
+                                      .found = "no label, or fewer than five voxels on an axis",
+                                      .allowed = "a body with background around it",
+                                      .remedy = "give the labels.nrrd of viscera-labels"});
+  }
+  for (const auto& [id, volume] : label_volumes_) {
+    const auto known = image_->names.find(id);
+    names_[id] = known == image_->names.end() ? fmt::format("label_{}", id) : known->second;
+    body_volume_ += volume;
+  }
+  LabelImage body{.frame = frame, .voxels = image_->voxels};
+  for (auto& id : body.voxels) id = id != 0;
+  const auto components = find_components(body);
+  bodies_ = static_cast<std::size_t>(std::count_if(components.list.begin(), components.list.end(),
+                                                   [](const auto& c) { return c.label != 0; }));
+  const bool open = std::any_of(components.list.begin(), components.list.end(),
+                                [](const auto& c) { return c.label != 0 && c.on_border; });
+  if (open) {
+    throw Error(ExitCode::bad_input,
+                {.where = run.input("labels").string(),
+                 .field = "voxels",
+                 .found = "a label touches the border of the volume",
+                 .allowed = "background all around",
+                 .remedy = "pass the volume through viscera-labels, which pads"});
+  }
+  fields_.emplace(*image_,
+                  run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(frame));
+}
+
+void MeshJob::take_surface(const StageRun& run) {
+  surface_file_ = run.input("surface").string();
+  surface_ = body_surface(read_vtp(run.input("surface")), surface_file_);
+  if (fields_) return;  // volumes and names come from the labels
+  if (surface_->label_names.begin()->first == body_label) {
+    throw Error(ExitCode::bad_input,
+                {.where = surface_file_,
+                 .field = "CellData/label",
+                 .found = "several materials, but no labels that say which is where",
+                 .allowed = "one material, or --in labels as well",
+                 .remedy = "add --in labels=FILE"});
+  }
+  names_ = surface_->label_names;
+  bodies_ = 0;
+  for (const auto& shell : find_shells(*surface_)) {
+    bodies_ += shell.volume > 0.0;
+    body_volume_ += shell.volume;
+  }
+  label_volumes_[names_.begin()->first] = body_volume_;
+}
+
+TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
+  Sizing sizing = factors_;
+  sizing.cell_size = cell_size;
+  sizing.facet_size *= cell_size;
+  sizing.facet_distance *= cell_size;
+  if (by_fields_) {
+    const auto seeds = seed_interfaces(*fields_, *image_, sizing.facet_size);
+    const auto interior =
+        lattice_ > 0.0 ? seed_interior(*fields_, lattice_ * cell_size) : std::vector<Inside>();
+    return mesh_fields(*fields_, seeds, interior, sizing, slivers);
+  }
+  return mesh_surface(*surface_, surface_file_, names_.begin()->first, sizing, slivers);
+}
+
+void MeshJob::assign_labels(TetMesh& mesh) const {
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    Vec centre{};
+    for (const int corner : mesh.tets[t]) centre = add(centre, scale(0.25, mesh.points[corner]));
+    const int id = fields_->nearest(fields_->frame().from_lps(centre));
+    if (id != 0) mesh.labels[t] = id;
+  }
+}
+
+MeshJob::Result MeshJob::mesh(double cell_size) const {
+  const auto progress = [](double part) { log::progress("tets", 0.5 + 0.5 * part, "improving"); };
+  return build(cell_size, slivers_, {.progress = progress});
+}
+
+MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
+                               const ImproveOptions& options) const {
+  Result result{.mesh = refine(cell_size, slivers)};
+  TetMesh& mesh = result.mesh;
+  mesh.label_names = names_;
+  result.mended = mend_boundary(mesh, bodies_);
+  if (improve_) {
+    result.improved = improve(
+        mesh, by_fields_ ? field_projector(*fields_) : surface_projector(*surface_, surface_file_),
+        options);
+  }
+  // Only now: on the surface route the improver has the whole body to work with.
+  if (!by_fields_ && fields_) assign_labels(mesh);
+  return result;
+}
+
+void MeshJob::check_cell_size(double cell_size) const {
+  const double estimate = estimate_tets(body_volume_, cell_size);
+  if (estimate <= absurd_tets) return;
+  throw Error(ExitCode::bad_config,
+              {.where = "parameters",
+               .field = "cell_size",
+               .found = fmt::format("{:.3g} mm asks for about {:.0f} million tets in {:.0f} ml",
+                                    cell_size, estimate / 1e6, body_volume_ / 1000.0),
+               .allowed = fmt::format("at most {:.0f} million", absurd_tets / 1e6),
+               .remedy = fmt::format("use {:.2g} mm or more",
+                                     std::cbrt(5.0 * body_volume_ / absurd_tets))});
+}
+
+std::size_t MeshJob::calibrate(double cell_size) {
+  const TetMesh trial = build(cell_size, {}, {.rounds = trial_rounds}).mesh;
+  if (!by_fields_) return trial.tets.size();
+  std::map<int, double> found;
+  for (std::size_t t = 0; t < trial.tets.size(); ++t) {
+    const auto& tet = trial.tets[t];
+    const double v = measure_tet(trial.points[tet[0]], trial.points[tet[1]], trial.points[tet[2]],
+                                 trial.points[tet[3]])[volume];
+    found[trial.labels[t]] += v;
+    found[body_label] += v;
+  }
+  const auto correct = [&](int id, double wanted) {
+    double& aim = aims_.try_emplace(id, 1.0).first->second;
+    aim = std::clamp(aim * wanted / std::max(found[id], 0.5 * wanted), aim_low, aim_high);
+  };
+  correct(body_label, body_volume_);
+  for (const auto& [id, wanted] : label_volumes_) correct(id, wanted);
+  fields_->aim(aims_);
+  return trial.tets.size();
+}
+
+// The number of tets falls about as h^-3 in the large and as h^-2 where interfaces dominate: the
+// slope between the last two tries, kept in that range, leads to the next.
+double MeshJob::find_cell_size(std::size_t target) {
+  const double wanted = std::log(static_cast<double>(target));
+  double size = std::cbrt(5.0 * body_volume_ / static_cast<double>(target));
+  double best = size, best_miss = 1e9, slope = -3.0, last_size = 0.0, last_log = 0.0;
+  for (int attempt = 1; attempt <= search_tries; ++attempt) {
+    check_cell_size(size);
+    log::progress("tets", 0.3 * (attempt - 1) / search_tries, "finding the cell size");
+    const auto tets = calibrate(size);
+    log::info("cell size {:.3f} mm: {} tets of {} wanted", size, tets, target);
+    const double found = std::log(std::max<double>(1.0, static_cast<double>(tets)));
+    const double miss = std::abs(found - wanted);
+    if (miss < best_miss) {
+      best_miss = miss;
+      best = size;
+    }
+    if (miss < search_tolerance) break;
+    if (attempt > 1 && size != last_size)
+      slope = std::clamp((found - last_log) / std::log(size / last_size), -4.0, -1.0);
+    last_size = size;
+    last_log = found;
+    size *= std::exp(std::clamp((wanted - found) / slope, -0.7, 0.7));
+  }
+  return best;
+}
+
+}  // namespace viscera

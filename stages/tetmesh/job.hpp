@@ -1,0 +1,73 @@
+// One meshing task: what goes in, by which route, and how the cell size for a wanted number of
+// tets is found.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "stages/common/stage_main.hpp"
+#include "stages/tetmesh/improve.hpp"
+#include "stages/tetmesh/mesh.hpp"
+#include "stages/tetmesh/topology.hpp"
+
+namespace viscera {
+
+class MeshJob {
+ public:
+  // Reads the inputs and settles the route; throws Error(bad_config) where they do not fit.
+  explicit MeshJob(const StageRun& run);
+
+  bool by_fields() const { return by_fields_; }
+  double body_volume() const { return body_volume_; }  // mm3, of voxels or surface
+  const std::map<int, double>& label_volumes() const { return label_volumes_; }  // mm3
+  const std::map<int, std::string>& names() const { return names_; }
+  std::size_t bodies() const { return bodies_; }
+  const std::optional<MaterialFields>& fields() const { return fields_; }
+
+  // The mesh at one cell size (mm): refined, freed of slivers in the way that the parameters ask
+  // for, its boundary manifold, materials and names set.
+  struct Result {
+    TetMesh mesh;
+    Mended mended;
+    std::optional<Improved> improved;
+  };
+  Result mesh(double cell_size) const;
+
+  // Meshes, and aims the fields so that the next mesh has the volumes asked for. Returns the number
+  // of tets. On the surface route volumes are what the surface gives.
+  std::size_t calibrate(double cell_size);
+
+  // The cell size (mm) whose mesh has `target` tets within 3 %, or the nearest of
+  // eight tries, each of which also calibrates. Throws Error(bad_config) when it would ask for an
+  // absurd number of tets.
+  double find_cell_size(std::size_t target);
+
+  // Throws Error(bad_config) when a cell size asks for more than 20 million tets.
+  void check_cell_size(double cell_size) const;
+
+ private:
+  void take_labels(const StageRun& run);
+  void take_surface(const StageRun& run);
+
+  Result build(double cell_size, const Slivers& slivers, const ImproveOptions& options) const;
+  TetMesh refine(double cell_size, const Slivers& slivers) const;
+  void assign_labels(TetMesh& mesh) const;
+
+  bool by_fields_ = true;
+  bool improve_ = true;  // with our own improver
+  Slivers slivers_;
+  double lattice_ = 0.0;  // constant of the inner lattice as a multiple of the cell size
+  Sizing factors_;        // facet_size and facet_distance as multiples of the cell size
+  std::optional<LabelImage> image_;
+  std::optional<MaterialFields> fields_;
+  std::optional<SurfaceMesh> surface_;
+  std::string surface_file_;
+  double body_volume_ = 0.0;
+  std::map<int, double> label_volumes_;
+  std::map<int, std::string> names_;
+  std::map<int, double> aims_;  // label (0: the body) to the factor of MaterialFields::aim
+  std::size_t bodies_ = 1;
+};
+
+}  // namespace viscera

@@ -1,0 +1,67 @@
+// From a domain to raw tetrahedra: CGAL's Mesh_3 (sequential, hence the same mesh every run) behind
+// plain arrays. One domain per translation unit, because each costs a minute of compiling.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "stages/common/surface_mesh.hpp"
+#include "stages/common/tet_mesh.hpp"
+#include "stages/tetmesh/material_fields.hpp"
+#include "stages/tetmesh/projector.hpp"
+
+namespace viscera {
+
+struct Sizing {
+  double cell_size = 0.0;       // mm, bound on the circumradius of a tet
+  double facet_size = 0.0;      // mm, bound on the circumradius of a surface facet
+  double facet_distance = 0.0;  // mm, from a facet to the surface it stands for
+  double facet_angle = 25.0;    // deg, lower bound in a surface facet
+  double radius_edge = 3.0;     // bound on circumradius over shortest edge
+};
+
+// What Mesh_3 does by itself about slivers after refinement: it moves their vertices, then
+// reweights them.
+struct Slivers {
+  bool perturb_and_exude = false;
+  double angle = 10.0;  // deg, dihedral angle below which a tet is a sliver to work on
+};
+
+// A point on the interface between two labels, from which refinement starts.
+struct Seed {
+  std::array<double, 3> point;  // voxel-mm
+  int inside = 0, outside = 0;  // labels; 0 is background
+};
+
+// Seeds on every interface of every component, about 1.5 `spacing` apart and closer on small
+// components, so that none is overlooked.
+std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage& image,
+                                  double spacing);
+
+// A point well inside a material, where refinement finds its work done.
+struct Inside {
+  std::array<double, 3> point;  // voxel-mm
+  int label = 0;
+};
+
+// The sites of a body-centred cubic lattice of this constant that lie deeper in their material than
+// 0.6 of it: its tets are as good as Delaunay tets get (dihedral angles of 60 and 90 degrees).
+std::vector<Inside> seed_interior(const MaterialFields& fields, double constant);
+
+// Conforming tets of all materials, LPS mm, positively oriented.
+TetMesh mesh_fields(const MaterialFields& fields, const std::vector<Seed>& seeds,
+                    const std::vector<Inside>& interior, const Sizing& sizing,
+                    const Slivers& slivers);
+
+// Tets inside one closed surface (outer shells and cavities), LPS mm, all labelled `label`. Throws
+// Error(bad_input) naming `file` when the surface is open, not manifold or crosses itself.
+TetMesh mesh_surface(const SurfaceMesh& surface, const std::string& file, int label,
+                     const Sizing& sizing, const Slivers& slivers);
+
+// Onto the nearest place of a closed surface, whatever the labels.
+Projector surface_projector(const SurfaceMesh& surface, const std::string& file);
+
+// What Mesh_3 makes of this volume at this size, from 5 V / h^3: measured 4.5 to 5 on livers.
+double estimate_tets(double volume_mm3, double cell_size_mm);
+
+}  // namespace viscera

@@ -1,0 +1,93 @@
+// What the two Mesh_3 domains share: criteria, refinement from seeds, sliver removal, and the way
+// out into plain arrays. For translation units that include CGAL only.
+#pragma once
+
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <CGAL/Mesh_complex_3_in_triangulation_3.h>
+#include <CGAL/Mesh_criteria_3.h>
+#include <CGAL/Mesh_triangulation_3.h>
+#include <CGAL/exude_mesh_3.h>
+#include <CGAL/perturb_mesh_3.h>
+#include <CGAL/refine_mesh_3.h>
+
+#include <map>
+
+#include "pipeline/contract/log.hpp"
+#include "stages/tetmesh/mesh.hpp"
+
+namespace viscera::mesh3 {
+
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+
+template <class Domain>
+class Mesher {
+ public:
+  using Triangulation = typename CGAL::Mesh_triangulation_3<Domain>::type;
+  using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation>;
+  using Criteria = CGAL::Mesh_criteria_3<Triangulation>;
+  using Weighted = typename Triangulation::Weighted_point;
+
+  explicit Mesher(const Domain& domain) : domain_(domain) {}
+
+  // `patch` is the surface patch that `point` lies on.
+  void insert(const Kernel::Point_3& point, const typename Domain::Surface_patch_index& patch) {
+    const auto vertex = complex_.triangulation().insert(Weighted(point));
+    complex_.set_dimension(vertex, 2);
+    complex_.set_index(vertex, domain_.index_from_surface_patch_index(patch));
+  }
+
+  void insert_inside(const Kernel::Point_3& point,
+                     const typename Domain::Subdomain_index& subdomain) {
+    const auto vertex = complex_.triangulation().insert(Weighted(point));
+    complex_.set_dimension(vertex, 3);
+    complex_.set_index(vertex, domain_.index_from_subdomain_index(subdomain));
+  }
+
+  // `manifold`: every edge of the surface gets two facets; only sound where materials do not meet.
+  void refine(const Sizing& sizing, bool manifold) {
+    namespace p = CGAL::parameters;
+    const Criteria criteria(p::facet_angle = sizing.facet_angle, p::facet_size = sizing.facet_size,
+                            p::facet_distance = sizing.facet_distance,
+                            p::cell_radius_edge_ratio = sizing.radius_edge,
+                            p::cell_size = sizing.cell_size);
+    CGAL::refine_mesh_3(complex_, domain_, criteria, p::no_perturb(), p::no_exude(), p::no_lloyd(),
+                        p::no_odt(), manifold ? p::manifold() : p::non_manifold());
+  }
+
+  // No time limits: a mesh must not depend on the speed of the machine.
+  void work_on(const Slivers& slivers) {
+    if (!slivers.perturb_and_exude) return;
+    log::progress("tets", 0.4, "perturbing slivers");
+    CGAL::perturb_mesh_3(complex_, domain_, CGAL::parameters::sliver_bound = slivers.angle);
+    log::progress("tets", 0.9, "exuding slivers");
+    CGAL::exude_mesh_3(complex_, CGAL::parameters::sliver_bound = slivers.angle);
+  }
+
+  // Points in the order of the tets that first use them, which keeps neighbours close in memory.
+  TetMesh extract() const {
+    TetMesh mesh;
+    std::map<typename Triangulation::Vertex_handle, int> index;
+    for (auto cell = complex_.cells_in_complex_begin(); cell != complex_.cells_in_complex_end();
+         ++cell) {
+      std::array<int, 4> tet{};
+      for (int corner = 0; corner < 4; ++corner) {
+        const auto vertex = cell->vertex(corner);
+        const auto [entry, fresh] = index.try_emplace(vertex, static_cast<int>(mesh.points.size()));
+        if (fresh) {
+          const auto& p = vertex->point().point();
+          mesh.points.push_back({p.x(), p.y(), p.z()});
+        }
+        tet[corner] = entry->second;
+      }
+      mesh.tets.push_back(tet);
+      mesh.labels.push_back(static_cast<int>(complex_.subdomain_index(cell)));
+    }
+    return mesh;
+  }
+
+ private:
+  const Domain& domain_;
+  Complex complex_;
+};
+
+}  // namespace viscera::mesh3

@@ -1,0 +1,139 @@
+// Starting points for refinement. Mesh_3's own are found by rays from random points, which miss
+// small components; these walk over all interfaces of the voxels instead.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "stages/common/label_components.hpp"
+#include "stages/tetmesh/mesh.hpp"
+
+namespace viscera {
+namespace {
+
+using Point = std::array<double, 3>;
+
+// Buckets as wide as the largest distance asked for, so that 27 of them hold every near point.
+class Spread {
+ public:
+  explicit Spread(double width) : width_(width) {}
+
+  bool has_near(const Point& p, double distance) const {
+    const auto at = bucket(p);
+    for (int n = 0; n < 27; ++n) {
+      const auto found =
+          points_.find({at[0] + n % 3 - 1, at[1] + n / 3 % 3 - 1, at[2] + n / 9 - 1});
+      if (found == points_.end()) continue;
+      for (const auto& q : found->second)
+        if (std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]) < distance) return true;
+    }
+    return false;
+  }
+  void add(const Point& p) { points_[bucket(p)].push_back(p); }
+
+ private:
+  std::array<int, 3> bucket(const Point& p) const {
+    std::array<int, 3> at{};
+    for (int a = 0; a < 3; ++a) at[a] = static_cast<int>(std::floor(p[a] / width_));
+    return at;
+  }
+  double width_;
+  std::map<std::array<int, 3>, std::vector<Point>> points_;
+};
+
+// Halves the way between two places of different material until it is short; false when a third
+// material lies between them.
+bool find_interface(const MaterialFields& fields, Point a, Point b, Seed& seed) {
+  seed.inside = fields.at(a);
+  seed.outside = fields.at(b);
+  if (seed.inside == seed.outside) return false;
+  for (int step = 0; step < 24; ++step) {
+    const Point middle{0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])};
+    const int material = fields.at(middle);
+    if (material == seed.inside) {
+      a = middle;
+    } else if (material == seed.outside) {
+      b = middle;
+    } else {
+      return false;
+    }
+  }
+  seed.point = a;
+  return true;
+}
+
+}  // namespace
+
+std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage& image,
+                                  double spacing) {
+  const Frame& frame = image.frame;
+  const Components components = find_components(image);
+  std::vector<double> apart(components.list.size());
+  for (std::size_t c = 0; c < apart.size(); ++c) {
+    const double volume = static_cast<double>(components.list[c].voxels) * frame.voxel_volume();
+    const double radius = std::cbrt(0.75 * volume / std::numbers::pi);
+    apart[c] = std::min(1.5 * spacing, 0.7 * radius);
+  }
+  std::vector<Seed> seeds;
+  Spread spread(1.5 * spacing);
+  for (int k = 0; k + 1 < frame.size[2]; ++k)
+    for (int j = 0; j + 1 < frame.size[1]; ++j)
+      for (int i = 0; i + 1 < frame.size[0]; ++i)
+        for (int a = 0; a < 3; ++a) {
+          const std::array<int, 3> at{i, j, k};
+          std::array<int, 3> next = at;
+          ++next[a];
+          const std::size_t v = frame.index(i, j, k), n = frame.index(next[0], next[1], next[2]);
+          if (image.voxels[v] == image.voxels[n]) continue;
+          const double distance = std::min(apart[components.of[v]], apart[components.of[n]]);
+          Point p{}, q{};
+          for (int c = 0; c < 3; ++c) {
+            p[c] = at[c] * frame.spacing[c];
+            q[c] = next[c] * frame.spacing[c];
+          }
+          Seed seed;
+          if (spread.has_near(p, distance) || !find_interface(fields, p, q, seed) ||
+              spread.has_near(seed.point, distance)) {
+            continue;
+          }
+          spread.add(seed.point);
+          seeds.push_back(seed);
+        }
+  return seeds;
+}
+
+std::vector<Inside> seed_interior(const MaterialFields& fields, double constant) {
+  const Frame& frame = fields.frame();
+  const double depth = 0.6 * constant, slanted = depth / std::sqrt(3.0);
+  std::vector<Point> probes;
+  for (const double s : {-1.0, 1.0}) {
+    for (int a = 0; a < 3; ++a) {
+      probes.push_back({});
+      probes.back()[a] = s * depth;
+    }
+    for (const double t : {-1.0, 1.0})
+      for (const double u : {-1.0, 1.0}) probes.push_back({s * slanted, t * slanted, u * slanted});
+  }
+  const auto sites = [&](int a) {
+    return static_cast<int>((frame.size[a] - 1) * frame.spacing[a] / constant);
+  };
+  std::vector<Inside> inside;
+  for (int k = 0; k <= 2 * sites(2); ++k)
+    for (int j = k % 2; j <= 2 * sites(1); j += 2)
+      for (int i = k % 2; i <= 2 * sites(0); i += 2) {
+        const Point p{0.5 * constant * i, 0.5 * constant * j, 0.5 * constant * k};
+        const int label = fields.at(p);
+        const bool deep =
+            label != 0 && std::all_of(probes.begin(), probes.end(), [&](const auto& d) {
+              return fields.at({p[0] + d[0], p[1] + d[1], p[2] + d[2]}) == label;
+            });
+        if (deep) inside.push_back({p, label});
+      }
+  return inside;
+}
+
+double estimate_tets(double volume_mm3, double cell_size_mm) {
+  return 5.0 * volume_mm3 / (cell_size_mm * cell_size_mm * cell_size_mm);
+}
+
+}  // namespace viscera

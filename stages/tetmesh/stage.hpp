@@ -1,0 +1,10 @@
+// viscera-tetmesh: labels and/or a surface in, mesh.vtu and quality.json out.
+#pragma once
+
+#include "stages/common/stage_main.hpp"
+
+namespace viscera {
+
+Stage tetmesh_stage();
+
+}  // namespace viscera

@@ -1,0 +1,131 @@
+// The CUDA backend against the CPU. Without a device every test says that it was skipped, and fails
+// instead when VISCERA_REQUIRE_GPU is set, as `make test-gpu` does: a skipped GPU test is not a
+// pass.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdlib>
+
+#include "sim/refusal.hpp"
+#include "sim/stability.hpp"
+#include "stages/common/tet_io.hpp"
+#include "stages/simulate/scene_file.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+class Cuda : public testing::Test {
+ protected:
+  void SetUp() override {
+    const CudaDevice device = find_cuda_device();
+    if (device.name) return;
+    if (std::getenv("VISCERA_REQUIRE_GPU")) FAIL() << "no CUDA device: " << device.why_not;
+    GTEST_SKIP() << "no CUDA device: " << device.why_not;
+  }
+};
+
+double largest_difference(const State& a, const State& b) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < a.u.size(); ++i) largest = std::max(largest, norm(a.u[i] - b.u[i]));
+  return largest;
+}
+
+// Largest difference of displacement after `frames`, over the body's size.
+double disagreement(const Model& model, const Scene& scene, Precision precision, int frames) {
+  const auto cpu = make_xpbd_cpu(model, scene, precision, 0);
+  const auto cuda = make_xpbd_cuda(model, scene, precision);
+  for (int frame = 0; frame < frames; ++frame) {
+    cpu->advance_frame();
+    cuda->advance_frame();
+  }
+  EXPECT_TRUE(cuda->state().finite());
+  EXPECT_EQ(cpu->contact_count() > 0, cuda->contact_count() > 0);
+  return largest_difference(cpu->state(), cuda->state()) / model.size();
+}
+
+TEST_F(Cuda, EverySceneAgreesWithTheCpu) {
+  const Model model = make_cube(8);
+  for (const auto& [precision, limit] :
+       {std::pair{Precision::fp64, 1e-9}, std::pair{Precision::fp32, 1e-4}}) {
+    Scene falling = elastic_scene();
+    falling.params<Gravity>().emplace();
+    EXPECT_LE(disagreement(model, falling, precision, 10), limit);
+    EXPECT_LE(disagreement(model, drop_scene(), precision, 60), limit);
+  }
+}
+
+TEST_F(Cuda, AHeldBarSagsAsOnTheCpu) {
+  Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    model.fixed[i] = model.rest[i].x + model.origin.x < 1e-9;
+  }
+  Scene scene = drop_scene();
+  scene.params<Ground>().reset();
+  EXPECT_LE(disagreement(model, scene, Precision::fp64, 60), 1e-9);
+  EXPECT_LE(disagreement(model, scene, Precision::fp32, 60), 1e-4);
+}
+
+TEST_F(Cuda, TwoRunsGiveTheSameBits) {
+  const Model model = make_cube(8);
+  for (const Precision precision : {Precision::fp64, Precision::fp32}) {
+    std::uint64_t hash[2];
+    for (auto& h : hash) {
+      const auto solver = make_xpbd_cuda(model, drop_scene(), precision);
+      for (int frame = 0; frame < 20; ++frame) solver->advance_frame();
+      h = solver->state().hash();
+    }
+    EXPECT_EQ(hash[0], hash[1]);
+  }
+}
+
+TEST_F(Cuda, ABodyWithoutForcesStaysStill) {
+  const Model model = make_cube(4);
+  const auto solver = make_xpbd_cuda(model, elastic_scene(), Precision::fp32);
+  for (int frame = 0; frame < 20; ++frame) solver->advance_frame();
+  double largest = 0.0;
+  for (const auto& u : solver->state().u) largest = std::max(largest, norm(u));
+  EXPECT_LE(largest, 1e-9);
+}
+
+// The mesh and scene of the bundle (VISCERA_GPU_MESH, VISCERA_GPU_SCENE): a second on both devices.
+TEST_F(Cuda, ARealMeshAgreesWithTheCpu) {
+  const char* mesh_file = std::getenv("VISCERA_GPU_MESH");
+  const char* scene_file = std::getenv("VISCERA_GPU_SCENE");
+  ASSERT_TRUE(mesh_file && scene_file) << "set VISCERA_GPU_MESH and VISCERA_GPU_SCENE";
+  const TetMesh mesh = read_vtu(mesh_file);
+  SceneFile file = read_scene(scene_file);
+  std::vector<Vec3<double>> points;
+  for (const auto& [x, y, z] : mesh.points) points.push_back({1e-3 * x, 1e-3 * y, 1e-3 * z});
+  std::map<int, Material> materials;
+  for (const auto& [label, name] : mesh.label_names) materials[label] = file.materials.at(name);
+  const Model model = make_model(points, mesh.tets, mesh.labels, materials);
+  apply_policy(model, file.scene);
+  for (const Precision precision : {Precision::fp64, Precision::fp32}) {
+    using Clock = std::chrono::steady_clock;
+    constexpr int frames = 60;
+    const auto cpu = make_xpbd_cpu(model, file.scene, precision, 0);
+    const auto cuda = make_xpbd_cuda(model, file.scene, precision);
+    cuda->advance_frame();
+    cpu->advance_frame();
+    const auto start = Clock::now();
+    for (int frame = 1; frame < frames; ++frame) cuda->advance_frame();
+    const auto middle = Clock::now();
+    for (int frame = 1; frame < frames; ++frame) cpu->advance_frame();
+    const auto finish = Clock::now();
+    const double difference = largest_difference(cpu->state(), cuda->state());
+    const auto ms = [](auto time) {
+      return std::chrono::duration<double, std::milli>(time).count() / (frames - 1);
+    };
+    std::printf(
+        "real mesh, %s, %zu tets, %d substeps, t %.2f s: %s %.3f ms a frame, %s %.2f ms a "
+        "frame, largest difference %.3g mm = %.3g of the body's size\n",
+        precision == Precision::fp64 ? "fp64" : "fp32", model.tet_count(), file.scene.time.substeps,
+        frames * file.scene.time.frame_s, cuda->device().c_str(), ms(middle - start),
+        cpu->device().c_str(), ms(finish - middle), 1e3 * difference, difference / model.size());
+    EXPECT_LE(difference / model.size(), precision == Precision::fp64 ? 1e-9 : 1e-4);
+  }
+}
+
+}  // namespace
+}  // namespace viscera::sim

@@ -1,0 +1,171 @@
+// Stages and engines that fail, hang, lie or are killed: the exit code, the message, and a cache
+// that the next run can go on from.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <chrono>
+#include <thread>
+
+#include "tests/cli/workplace.hpp"
+
+namespace viscera::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+int count(const std::string& text, const std::string& part) {
+  int found = 0;
+  for (auto at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++found;
+  return found;
+}
+
+// Nothing of an unfinished stage may be left where a later run could take it for a result.
+void expect_intact(const Workplace& work) {
+  EXPECT_TRUE(fs::is_empty(work.path("out/.cache/work")));
+  EXPECT_FALSE(fs::exists(work.path("out/spec/beta/manifest.json")));
+  const auto next = work.run();
+  EXPECT_EQ(next.exit, 0) << next.errors;
+  EXPECT_EQ(work.started(), "beta run\ngamma run\n");  // alpha was kept
+}
+
+struct Misdeed {
+  const char* how;
+  int exit;
+  const char* message;
+};
+
+class StageFails : public testing::TestWithParam<Misdeed> {};
+
+TEST_P(StageFails, ItsExitCodePassesThroughWithOneMessageAndTheNextRunGoesOn) {
+  const Workplace work;
+  const auto run = work.run({}, {std::string("FAKE_beta=") + GetParam().how});
+  EXPECT_EQ(run.exit, GetParam().exit) << run.errors;
+  EXPECT_EQ(count(run.errors, GetParam().message), 1) << run.errors;
+  EXPECT_EQ(count(run.errors, "error:"), 1) << run.errors;
+  EXPECT_EQ(run.out, "");
+  work.started();
+  expect_intact(work);
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, StageFails,
+                         testing::Values(Misdeed{"fail", 4, "volume.txt: too odd"},
+                                         Misdeed{"crash", 1, "signal 6"},
+                                         Misdeed{"killed", 75, "was killed"},
+                                         Misdeed{"exit42", 1, "exit code 42"},
+                                         Misdeed{"no_manifest", 1, "left no manifest.json"},
+                                         Misdeed{"undeclared", 1, "not declared"}),
+                         [](const auto& instance) { return std::string(instance.param.how); });
+
+TEST(StageOutput, GarbageOnStderrIsShownWithoutItsControlCharacters) {
+  const Workplace work;
+  const auto run = work.run({}, {"FAKE_beta=garbage"});
+  EXPECT_EQ(run.exit, 0) << run.errors;
+  EXPECT_TRUE(contains(run.errors, "beta: [31mnot json")) << run.errors;
+  EXPECT_FALSE(contains(run.errors, "\x1b"));
+}
+
+TEST(StageOutput, QuietShowsWarningsOnly) {
+  const Workplace work;
+  const auto run = work.run({"--quiet"});
+  EXPECT_EQ(run.exit, 0);
+  EXPECT_EQ(run.out, "");
+  EXPECT_FALSE(contains(run.errors, "first run"));
+  EXPECT_TRUE(contains(run.errors, "alpha: warning: alpha is only a fake"));
+}
+
+TEST(Interrupt, SigintStopsTheStageAndExits130WithTheCacheIntact) {
+  const Workplace work;
+  const pid_t engine = work.start({"run", "spec.yaml"}, {"FAKE_beta=hang"});
+  work.wait_until_started("beta run");
+  kill(engine, SIGINT);
+  const auto run = work.finish(engine);
+  EXPECT_EQ(run.exit, 130) << run.errors;
+  EXPECT_TRUE(contains(run.errors, "interrupted")) << run.errors;
+  work.started();
+  expect_intact(work);
+}
+
+TEST(Interrupt, AKilledEngineTakesItsStageWithItAndTheNextRunGoesOn) {
+  const Workplace work;
+  const pid_t engine = work.start({"run", "spec.yaml"}, {"FAKE_beta=hang"});
+  work.wait_until_started("beta run");
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  kill(engine, SIGKILL);
+  EXPECT_EQ(work.finish(engine).exit, 128 + SIGKILL);
+  work.started();
+  EXPECT_FALSE(fs::exists(work.path("out/spec/beta/manifest.json")));
+  const auto next = work.run();
+  EXPECT_EQ(next.exit, 0) << next.errors;
+  EXPECT_EQ(work.started(), "beta run\ngamma run\n");
+  EXPECT_TRUE(fs::is_empty(work.path("out/.cache/work")));  // what was left has been swept
+}
+
+TEST(TwoEngines, RunEachStageOnceAndOneSaysWhomItWaitsFor) {
+  for (const char* second_out : {"out", "other"}) {  // the run's lock, and the key's lock
+    const Workplace work;
+    const std::vector<std::string> slow = {"FAKE_alpha=slow", "FAKE_beta=slow"};
+    const pid_t first = work.start({"run", "spec.yaml", "--cache", "shared"}, slow);
+    work.wait_until_started("alpha run");
+    const pid_t second =
+        work.start({"run", "spec.yaml", "--cache", "shared", "--out", second_out}, slow);
+    const auto one = work.finish(first), two = work.finish(second);
+    EXPECT_EQ(one.exit, 0) << one.errors;
+    EXPECT_EQ(two.exit, 0) << two.errors;
+    const std::string started = work.started();
+    for (const char* stage : {"alpha run", "beta run", "gamma run"}) {
+      EXPECT_EQ(count(started, stage), 1) << started;
+    }
+    EXPECT_TRUE(contains(two.errors, "waits for process " + std::to_string(first))) << two.errors;
+    EXPECT_EQ(work.read(std::string(second_out) + "/spec/page.html"),
+              work.read("out/spec/page.html"));
+  }
+}
+
+TEST(Folders, AnOutOrCacheThatCannotBeMadeIsAUsageErrorNamingIt) {
+  const Workplace work;
+  const auto out = work.run({"--out", "volume.txt/out", "--cache", "cache"});
+  EXPECT_EQ(out.exit, 2) << out.errors;
+  EXPECT_TRUE(contains(out.errors, "volume.txt/out")) << out.errors;
+  const auto cache = work.run({"--cache", "volume.txt/cache"});
+  EXPECT_EQ(cache.exit, 2) << cache.errors;
+  EXPECT_TRUE(contains(cache.errors, "volume.txt/cache")) << cache.errors;
+  EXPECT_EQ(count(work.started(), " run"), 0);
+}
+
+TEST(StageByHand, ARefusedInputOrAFailureLeavesNoFolder) {
+  const Workplace work;
+  const auto alpha = [&work](const std::string& volume, const std::string& how) {
+    return work.finish(work.start_program(
+        "bin/viscera-alpha", {"run", "--in", "volume=" + volume, "--out", "new/folder"},
+        {"FAKE_alpha=" + how}));
+  };
+  const auto device = alpha("/dev/zero", "");
+  EXPECT_EQ(device.exit, 4) << device.errors;
+  EXPECT_TRUE(contains(device.errors, "/dev/zero")) << device.errors;
+  EXPECT_FALSE(fs::exists(work.path("new")));
+  EXPECT_EQ(alpha("volume.txt", "fail").exit, 4);
+  EXPECT_FALSE(fs::exists(work.path("new")));
+  EXPECT_EQ(alpha("volume.txt", "").exit, 0);
+  EXPECT_TRUE(fs::exists(work.path("new/folder/manifest.json")));
+}
+
+TEST(SpecialFiles, AsAnInputOfASpecAreRefusedAtOnce) {
+  const Workplace work;
+  const auto run = work.run({"--set", "input=/dev/zero"});
+  EXPECT_EQ(run.exit, 4) << run.errors;
+  EXPECT_TRUE(contains(run.errors, "/dev/zero")) << run.errors;
+}
+
+TEST(Describe, AStageThatDoesNotDeclareItselfIsNamed) {
+  const Workplace work;
+  const auto run = work.run({}, {"FAKE_beta=no_describe"});
+  EXPECT_EQ(run.exit, 1);
+  EXPECT_TRUE(contains(run.errors, "viscera-beta describe")) << run.errors;
+}
+
+}  // namespace
+}  // namespace viscera::test

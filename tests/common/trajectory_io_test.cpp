@@ -1,0 +1,164 @@
+#include "stages/common/trajectory_io.hpp"
+
+#include <gtest/gtest.h>
+#include <hdf5.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <limits>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/error.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Two tets that share a face, of two materials; the second name is longer and not ASCII.
+TetMesh two_tets() {
+  TetMesh mesh;
+  mesh.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}};
+  mesh.tets = {{0, 1, 2, 3}, {1, 4, 2, 3}};
+  mesh.labels = {1, 7};
+  mesh.label_names = {{1, "liver"}, {7, "größter Tumor"}};
+  return mesh;
+}
+
+std::vector<float> frame_of(const TetMesh& mesh, double time) {
+  std::vector<float> positions;
+  for (const auto& p : mesh.points) {
+    for (const double x : p) positions.push_back(static_cast<float>(x + 0.25 * time));
+  }
+  return positions;
+}
+
+void write_frames(const fs::path& folder, const TetMesh& mesh, int frames) {
+  TrajectoryWriter writer(folder, mesh);
+  for (int i = 0; i < frames; ++i) writer.append(0.04 * i, frame_of(mesh, 0.04 * i));
+  writer.finish();
+}
+
+void expect_bad_input(const fs::path& path) {
+  try {
+    const TrajectoryReader reader(path);
+    for (std::size_t i = 0; i < reader.times_s().size(); ++i) reader.positions_mm(i);
+    FAIL() << path << " was accepted";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::bad_input);
+    EXPECT_NE(std::string(e.what()).find(path.string()), std::string::npos) << e.what();
+  }
+}
+
+class TrajectoryIo : public testing::Test {
+ protected:
+  TemporaryFolder folder_{fs::temp_directory_path()};
+  fs::path h5_ = folder_.path() / "trajectory.h5";
+};
+
+TEST_F(TrajectoryIo, WhatWasWrittenIsRead) {
+  const TetMesh mesh = two_tets();
+  write_frames(folder_.path(), mesh, 3);
+  const TrajectoryReader reader(h5_);
+  EXPECT_EQ(reader.mesh().points, mesh.points);
+  EXPECT_EQ(reader.mesh().tets, mesh.tets);
+  EXPECT_EQ(reader.mesh().labels, mesh.labels);
+  EXPECT_EQ(reader.mesh().label_names, mesh.label_names);
+  EXPECT_EQ(reader.times_s(), (std::vector<double>{0.0, 0.04, 0.08}));
+  EXPECT_EQ(reader.positions_mm(2), frame_of(mesh, 0.08));
+  EXPECT_EQ(reader.positions_mm(0), frame_of(mesh, 0.0));
+}
+
+TEST_F(TrajectoryIo, EqualContentGivesEqualBytes) {
+  write_frames(folder_.path(), two_tets(), 4);
+  const std::string first = read_file(h5_);
+  sleep(1);  // HDF5 stamps whole seconds where it stamps
+  write_frames(folder_.path(), two_tets(), 4);
+  EXPECT_EQ(read_file(h5_), first);
+}
+
+TEST_F(TrajectoryIo, XdmfNamesTheH5BesideItOncePerFrame) {
+  write_frames(folder_.path(), two_tets(), 2);
+  const std::string text = read_file(folder_.path() / "trajectory.xdmf");
+  EXPECT_NE(text.find(">trajectory.h5:/frames/0<"), std::string::npos);
+  EXPECT_NE(text.find(">trajectory.h5:/frames/1<"), std::string::npos);
+  EXPECT_NE(text.find("<Time Value=\"0.04\"/>"), std::string::npos);
+  EXPECT_EQ(text.find(folder_.path().string()), std::string::npos);
+}
+
+TEST_F(TrajectoryIo, TheViewThatXdmfNamesIsTheFrame) {
+  const TetMesh mesh = two_tets();
+  write_frames(folder_.path(), mesh, 3);
+  const hid_t file = H5Fopen(h5_.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+  const hid_t view = H5Dopen2(file, "/frames/2", H5P_DEFAULT);
+  ASSERT_GE(view, 0);
+  std::vector<float> positions(3 * mesh.points.size());
+  EXPECT_GE(H5Dread(view, H5T_NATIVE_FLOAT, H5S_ALL, H5S_ALL, H5P_DEFAULT, positions.data()), 0);
+  EXPECT_EQ(positions, frame_of(mesh, 0.08));
+  H5Dclose(view);
+  H5Fclose(file);
+}
+
+TEST_F(TrajectoryIo, ATrajectoryMayHaveNoFramesYet) {
+  write_frames(folder_.path(), two_tets(), 0);
+  EXPECT_TRUE(TrajectoryReader(h5_).times_s().empty());
+}
+
+TEST_F(TrajectoryIo, AbsentForeignAndTruncatedFilesAreBadInput) {
+  expect_bad_input(folder_.path() / "absent.h5");
+  write_atomically(folder_.path() / "foreign.h5", "solid liver\n");
+  expect_bad_input(folder_.path() / "foreign.h5");
+  write_frames(folder_.path(), two_tets(), 20);
+  const std::string whole = read_file(h5_);
+  for (const double part : {0.0, 0.1, 0.5, 0.9, 0.999}) {
+    const auto size = static_cast<std::size_t>(part * static_cast<double>(whole.size()));
+    write_atomically(folder_.path() / "cut.h5", whole.substr(0, size));
+    expect_bad_input(folder_.path() / "cut.h5");
+  }
+}
+
+TEST_F(TrajectoryIo, CoordinatesThatAreNotFiniteAreBadInput) {
+  TetMesh mesh = two_tets();
+  mesh.points[3][1] = std::numeric_limits<double>::quiet_NaN();
+  write_frames(folder_.path(), mesh, 1);
+  expect_bad_input(h5_);
+}
+
+TEST_F(TrajectoryIo, TetsThatNameAbsentPointsAreBadInput) {
+  TetMesh mesh = two_tets();
+  mesh.tets[1][2] = 5;
+  write_frames(folder_.path(), mesh, 1);
+  expect_bad_input(h5_);
+}
+
+TEST_F(TrajectoryIo, AnUnwritableFolderIsRefusedByName) {
+  try {
+    TrajectoryWriter writer("/proc/nowhere", two_tets());
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::usage);
+    EXPECT_NE(std::string(e.what()).find("/proc/nowhere"), std::string::npos);
+  }
+}
+
+TEST_F(TrajectoryIo, AKilledWriterLeavesItsFramesReadable) {
+  const TetMesh mesh = two_tets();
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    TrajectoryWriter writer(folder_.path(), mesh);
+    for (int i = 0; i < 5; ++i) writer.append(0.04 * i, frame_of(mesh, 0.04 * i));
+    raise(SIGKILL);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFSIGNALED(status));
+  const TrajectoryReader reader(h5_);
+  ASSERT_EQ(reader.times_s().size(), 5u);
+  EXPECT_EQ(reader.positions_mm(4), frame_of(mesh, 0.16));
+  EXPECT_FALSE(fs::exists(folder_.path() / "trajectory.xdmf"));
+}
+
+}  // namespace
+}  // namespace viscera

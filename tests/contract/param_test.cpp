@@ -1,0 +1,77 @@
+#include "pipeline/contract/param.hpp"
+
+#include <gtest/gtest.h>
+
+#include "pipeline/contract/error.hpp"
+
+namespace viscera {
+namespace {
+
+const std::vector<Param> declared = {
+    {.name = "cell_size",
+     .type = ParamType::real,
+     .fallback = "5mm",
+     .unit = "mm",
+     .lo = 0.1,
+     .hi = 100.0,
+     .doc = "edge"},
+    {.name = "iterations", .type = ParamType::integer, .fallback = 3, .lo = 1.0, .doc = "n"},
+    {.name = "device",
+     .type = ParamType::text,
+     .fallback = "auto",
+     .choices = {"auto", "cpu", "cuda"},
+     .doc = "where"},
+    {.name = "labels", .type = ParamType::map, .fallback = nullptr, .doc = "names"},
+};
+
+TEST(Param, DefaultsAndGivenValuesResolveToTheDeclaredUnitAndOrder) {
+  const Json resolved = resolve(declared, Json{{"cell_size", "0.4cm"}}, "spec.yaml");
+  EXPECT_DOUBLE_EQ(resolved["cell_size"].get<double>(), 4.0);
+  EXPECT_EQ(resolved["iterations"], 3);
+  EXPECT_TRUE(resolved["labels"].is_null());
+  EXPECT_EQ(resolved.begin().key(), "cell_size");
+}
+
+TEST(Param, AMisspeltNameIsRefusedWithTheNearestValidOne) {
+  try {
+    resolve(declared, Json{{"cel_size", "4mm"}}, "spec.yaml:7:3", "tetmesh.");
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::bad_config);
+    EXPECT_EQ(e.problem().field, "tetmesh.cel_size");
+    EXPECT_NE(std::string(e.what()).find("'cell_size'"), std::string::npos) << e.what();
+    EXPECT_NE(std::string(e.what()).find("spec.yaml:7:3"), std::string::npos);
+  }
+}
+
+TEST(Param, OutOfRangeWrongTypeAndUnknownChoiceAreRefused) {
+  for (const Json& given :
+       {Json{{"cell_size", "0mm"}}, Json{{"cell_size", "1m"}}, Json{{"cell_size", true}},
+        Json{{"iterations", 1.5}}, Json{{"iterations", 0}}, Json{{"device", "gpu"}},
+        Json{{"labels", "liver"}}}) {
+    EXPECT_THROW(resolve(declared, given, "spec.yaml"), Error) << given;
+  }
+}
+
+TEST(Param, CommandLineTextReadsAsNumbersListsAndMaps) {
+  EXPECT_EQ(value_from_text("5mm"), "5mm");
+  EXPECT_EQ(value_from_text("12"), 12);
+  EXPECT_EQ(value_from_text("true"), true);
+  EXPECT_EQ(value_from_text("{liver: 1, tumour: [2, 3]}"),
+            (Json{{"liver", 1}, {"tumour", Json::array({2, 3})}}));
+  EXPECT_THROW(value_from_text("{liver: "), Error);
+}
+
+TEST(Param, AnyTextSurvivesTheCommandLineWhenQuotedAsJson) {
+  for (const std::string text : {"[draft] liver", "", "12", "true", "a \"b\" \n c", "ü"}) {
+    EXPECT_EQ(value_from_text(Json(text).dump()), Json(text)) << text;
+  }
+}
+
+TEST(Param, ADeclarationSurvivesTheWayThroughDescribe) {
+  for (const auto& param : declared)
+    EXPECT_EQ(to_json(param_from_json(to_json(param))), to_json(param));
+}
+
+}  // namespace
+}  // namespace viscera

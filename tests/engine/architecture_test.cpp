@@ -1,0 +1,130 @@
+// The direction of dependency: stages -> sim and contract, engine -> contract, sim -> nothing but
+// the standard library (Eigen in the FEM solver, TBB and CUDA in its backends).
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Include {
+  std::string file;    // relative to the root, with line
+  std::string header;  // between the quotes or brackets
+  bool own = false;    // in quotes
+};
+
+bool starts_with_any(const std::string& text, const std::vector<std::string>& starts) {
+  return std::any_of(starts.begin(), starts.end(),
+                     [&text](const std::string& start) { return text.starts_with(start); });
+}
+
+bool is_source(const fs::path& path) {
+  const std::vector<std::string> kinds = {".cpp", ".hpp", ".cu", ".cuh"};
+  return std::count(kinds.begin(), kinds.end(), path.extension().string()) > 0;
+}
+
+std::vector<Include> includes_of(const std::string& text, const std::string& file) {
+  std::vector<Include> includes;
+  std::istringstream lines(text);
+  std::string line;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    std::erase(line, ' ');
+    if (!line.starts_with("#include")) continue;
+    const auto open = line.find_first_of("<\"");
+    const auto close = line.find_first_of(">\"", open + 1);
+    if (close == std::string::npos) continue;
+    includes.push_back({file + ":" + std::to_string(number),
+                        line.substr(open + 1, close - open - 1), line[open] == '"'});
+  }
+  return includes;
+}
+
+std::vector<Include> all_includes() {
+  std::vector<Include> all;
+  for (const char* room : {"pipeline", "stages", "sim", "sample_data"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(room)) {
+      if (!entry.is_regular_file() || !is_source(entry.path())) continue;
+      std::ifstream file(entry.path());
+      const std::string text(std::istreambuf_iterator<char>(file), {});
+      const auto found = includes_of(text, entry.path().string());
+      all.insert(all.end(), found.begin(), found.end());
+    }
+  }
+  return all;
+}
+
+// What a file may include from this repository, by the room it stands in.
+std::vector<std::string> may_include(const std::string& file) {
+  if (file.starts_with("pipeline/contract/")) return {"pipeline/contract/"};
+  if (file.starts_with("pipeline/")) return {"pipeline/contract/", "pipeline/engine/"};
+  if (file.starts_with("sim/")) return {"sim/"};
+  if (file.starts_with("sample_data/")) {
+    return {"sample_data/", "stages/common/", "pipeline/contract/"};
+  }
+  if (file.starts_with("stages/common/")) return {"stages/common/", "sim/", "pipeline/contract/"};
+  const auto end = file.find('/', std::string("stages/").size());
+  return {file.substr(0, end + 1), "stages/common/", "sim/", "pipeline/contract/"};
+}
+
+// Libraries that a file of sim/ may use; elsewhere any library is a matter of CMake.
+bool sim_may_use(const std::string& file, const std::string& header) {
+  const bool standard = header.find_first_of("/.") == std::string::npos;
+  if (standard) return true;
+  if (file.starts_with("sim/backend/")) {
+    return starts_with_any(header, {"tbb/", "oneapi/", "cuda", "cooperative_groups", "cub/"});
+  }
+  return file.starts_with("sim/solvers/fem") && header.starts_with("Eigen/");
+}
+
+std::string verdict(const Include& include) {
+  if (include.own && !starts_with_any(include.header, may_include(include.file))) {
+    return include.file + " must not include " + include.header;
+  }
+  if (!include.own && include.file.starts_with("sim/") &&
+      !sim_may_use(include.file, include.header)) {
+    return include.file + " must not use <" + include.header + ">";
+  }
+  return "";
+}
+
+TEST(Architecture, EveryIncludePointsTheRightWay) {
+  const auto includes = all_includes();
+  EXPECT_GT(includes.size(), 50u) << "run from the repository's root";
+  for (const auto& include : includes) EXPECT_EQ(verdict(include), "");
+}
+
+TEST(Architecture, TheRulesNoticeAnArrowThatPointsTheWrongWay) {
+  const auto refused = [](const std::string& file, const std::string& line) {
+    return !verdict(includes_of(line, file).at(0)).empty();
+  };
+  EXPECT_TRUE(refused("sim/model.cpp", "#include \"pipeline/contract/error.hpp\""));
+  EXPECT_TRUE(refused("sim/model.cpp", "#include <vtkPolyData.h>"));
+  EXPECT_TRUE(refused("sim/model.cpp", "#include <yaml-cpp/yaml.h>"));
+  EXPECT_TRUE(refused("sim/solvers/xpbd.hpp", "#include <tbb/parallel_for.h>"));
+  EXPECT_TRUE(refused("pipeline/contract/log.cpp", "#include \"pipeline/engine/spec.hpp\""));
+  EXPECT_TRUE(refused("pipeline/engine/spec.cpp", "#  include \"stages/common/tet_io.hpp\""));
+  EXPECT_TRUE(refused("stages/labels/stage.cpp", "#include \"stages/surface/stage.hpp\""));
+  EXPECT_TRUE(refused("stages/labels/stage.cpp", "#include \"pipeline/engine/spec.hpp\""));
+  EXPECT_FALSE(refused("stages/simulate/stage.cpp", "#include \"sim/model.hpp\""));
+  EXPECT_FALSE(refused("sim/backend/cpu.cpp", "#include <tbb/parallel_for.h>"));
+  EXPECT_FALSE(refused("sim/solvers/fem.cpp", "#include <Eigen/Sparse>"));
+}
+
+TEST(Architecture, OnlyTheBackendHoldsCuda) {
+  for (const char* room : {"pipeline", "stages", "sim", "sample_data"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(room)) {
+      const std::string kind = entry.path().extension().string();
+      if (kind == ".cu" || kind == ".cuh") {
+        EXPECT_TRUE(entry.path().string().starts_with("sim/backend/")) << entry.path();
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace viscera

@@ -1,0 +1,281 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <numbers>
+#include <random>
+#include <set>
+
+#include "stages/tetmesh/improve_stars.hpp"
+#include "stages/tetmesh/measure.hpp"
+#include "stages/tetmesh/topology.hpp"
+
+namespace viscera {
+namespace {
+
+double volume_of(const TetMesh& mesh, int label = -1) {
+  double sum = 0.0;
+  const auto quality = measure(mesh);
+  for (std::size_t t = 0; t < quality.size(); ++t)
+    if (label < 0 || mesh.labels[t] == label) sum += quality[t][volume];
+  return sum;
+}
+
+double smallest_dihedral(const TetMesh& mesh) {
+  double low = 180.0;
+  for (const auto& q : measure(mesh)) low = std::min(low, q[dihedral_min]);
+  return low;
+}
+
+void expect_sound(const TetMesh& mesh) {
+  const auto found = inspect(mesh);
+  EXPECT_EQ(found.inverted + found.duplicate_tets + found.duplicate_points + found.stray_points +
+                found.overfull_faces + found.non_manifold_edges + found.non_manifold_points,
+            0u);
+  EXPECT_EQ(found.components, 1u);
+}
+
+std::set<std::array<int, 3>> interface(const TetMesh& mesh) {
+  std::set<std::array<int, 3>> triangles;
+  for_each_face(mesh, [&](const Face& face) {
+    if (face.tets[1] < 0 || mesh.labels[face.tets[0]] != mesh.labels[face.tets[1]])
+      triangles.insert(face.corners);
+  });
+  return triangles;
+}
+
+// `n` tets around the edge from point 0 (below) to point 1 (above), the ring from point 2 on.
+TetMesh ring_of(int n, double height) {
+  TetMesh mesh{.points = {{0, 0, -height}, {0, 0, height}}};
+  for (int i = 0; i < n; ++i) {
+    const double angle = 2.0 * std::numbers::pi * i / n;
+    mesh.points.push_back({std::cos(angle), std::sin(angle), 0.0});
+    mesh.tets.push_back({0, 1, 2 + i, 2 + (i + 1) % n});
+  }
+  mesh.labels.assign(mesh.tets.size(), 1);
+  return mesh;
+}
+
+// The unit cube in n^3 cells of six tets, its inner points shaken by up to `shake` of a cell; label
+// 2 above the middle, whose points only move sideways.
+TetMesh shaken_cube(int n, double shake, unsigned seed) {
+  TetMesh mesh;
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> move(-shake / n, shake / n);
+  const auto index = [n](int x, int y, int z) { return (z * (n + 1) + y) * (n + 1) + x; };
+  for (int z = 0; z <= n; ++z)
+    for (int y = 0; y <= n; ++y)
+      for (int x = 0; x <= n; ++x) {
+        Vec p{double(x) / n, double(y) / n, double(z) / n};
+        const int at[3] = {x, y, z};
+        const bool inner = x > 0 && x < n && y > 0 && y < n && z > 0 && z < n;
+        for (int a = 0; a < 3; ++a) {
+          const double by = move(random);
+          if (inner && !(a == 2 && 2 * at[2] == n)) p[a] += by;
+        }
+        mesh.points.push_back(p);
+      }
+  const int orders[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}};
+  for (int z = 0; z < n; ++z)
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x)
+        for (int o = 0; o < 6; ++o) {
+          std::array<int, 3> at{x, y, z};
+          Tet tet{index(x, y, z), 0, 0, 0};
+          for (int step = 0; step < 3; ++step) {
+            ++at[orders[o][step]];
+            tet[step + 1] = index(at[0], at[1], at[2]);
+          }
+          if (o >= 3) std::swap(tet[2], tet[3]);
+          mesh.tets.push_back(tet);
+          mesh.labels.push_back(2 * z < n ? 1 : 2);
+        }
+  return mesh;
+}
+
+// Onto the plane between the labels of shaken_cube.
+std::optional<Contact> onto_middle(const Vec& p, const std::vector<int>& labels) {
+  if (labels != std::vector<int>{1, 2}) return std::nullopt;
+  return Contact{{p[0], p[1], 0.5}, {{0, 0, 1}}};
+}
+
+TEST(TetQualityOfTheImprover, IsOneForARegularTetAndFallsForEveryKindOfBadOne) {
+  const Vec a{1, 1, 1}, b{-1, 1, -1}, c{1, -1, -1}, d{-1, -1, 1};
+  const double edge = std::sqrt(8.0);
+  EXPECT_NEAR(tet_quality(a, b, c, d, edge), 1.0, 1e-12);
+  EXPECT_LE(tet_quality(a, c, b, d, edge), 0.0);                                     // inverted
+  EXPECT_LT(tet_quality({0, 0, 0}, {1, 0, 0.1}, {1, 1, 0}, {0, 1, 0.1}, 1.0), 0.2);  // sliver
+  EXPECT_LT(tet_quality({0, 0, 0}, {0.1, 0, 0}, {0, 0.1, 0}, {0, 0, 1}, 1.0), 0.2);  // needle
+  EXPECT_LT(tet_quality(a, b, c, d, 20.0 * edge), 0.1);  // well shaped, but far too small
+}
+
+TEST(EdgeRemoval, ARingGetsItsBestTriangulationAndKeepsItsVolume) {
+  for (int n = 3; n <= 8; ++n) {
+    TetMesh mesh = ring_of(n, 1.6);
+    const double before = volume_of(mesh);
+    const Projector none;
+    Stars stars(mesh, none);
+    const double worst = stars.worst(stars.star(0));
+    const bool removed = remove_edge(stars, 0, 1);
+    EXPECT_TRUE(removed || n > 5) << n;  // many corners in a ring make thin tets without the edge
+    EXPECT_TRUE(removed ? stars.worst(stars.star(0)) > worst : stars.worst(stars.star(0)) == worst);
+    stars.extract(mesh);
+    EXPECT_EQ(mesh.tets.size(), removed ? 2u * (n - 2) : 1u * n);
+    EXPECT_NEAR(volume_of(mesh), before, 1e-12) << n;
+    expect_sound(mesh);
+  }
+}
+
+TEST(EdgeRemoval, AnEdgeWhereThreeMaterialsMeetStays) {
+  TetMesh mesh = ring_of(3, 0.7);
+  mesh.labels = {1, 2, 3};
+  const Projector none;
+  Stars stars(mesh, none);
+  EXPECT_FALSE(remove_edge(stars, 0, 1));
+}
+
+// Four flat tets, two of each material: the diagonal in their common plane is swapped, on it.
+TEST(EdgeRemoval, AnInterfaceEdgeIsSwappedWithinItsPlane) {
+  TetMesh mesh{.points = {{-0.3, 0, 0}, {0.3, 0, 0}, {0, -1, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, -1}}};
+  mesh.points[0][0] = -2.0;
+  mesh.points[1][0] = 2.0;
+  mesh.tets = {{0, 1, 3, 4}, {0, 1, 4, 2}, {0, 1, 2, 5}, {0, 1, 5, 3}};
+  mesh.labels = {1, 1, 2, 2};
+  const Projector plane = [](const Vec& p, const std::vector<int>&) {
+    return Contact{{p[0], p[1], 0.0}, {{0, 0, 1}}};
+  };
+  Stars stars(mesh, plane);
+  ASSERT_TRUE(remove_edge(stars, 0, 1));
+  stars.extract(mesh);
+  expect_sound(mesh);
+  EXPECT_NEAR(volume_of(mesh, 1), volume_of(mesh, 2), 1e-12);
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t)
+    for (const int corner : mesh.tets[t]) {
+      const double z = mesh.points[corner][2];
+      EXPECT_TRUE(mesh.labels[t] == 1 ? z >= 0.0 : z <= 0.0);
+    }
+}
+
+TEST(FaceFlip, TwoTetsBecomeThreeOfTheSameMaterialOnly) {
+  TetMesh mesh{.points = {{1, 0, 0}, {-0.5, 0.9, 0}, {-0.5, -0.9, 0}, {0, 0, 0.2}, {0, 0, -0.2}},
+               .tets = {{0, 1, 2, 3}, {0, 2, 1, 4}},
+               .labels = {1, 2}};
+  const Projector none;
+  {
+    Stars stars(mesh, none);
+    EXPECT_FALSE(flip_face(stars, 0, 3));
+  }
+  mesh.labels = {1, 1};
+  const double before = volume_of(mesh);
+  Stars stars(mesh, none);
+  ASSERT_TRUE(flip_face(stars, 0, 3));
+  stars.extract(mesh);
+  EXPECT_EQ(mesh.tets.size(), 3u);
+  EXPECT_NEAR(volume_of(mesh), before, 1e-12);
+  expect_sound(mesh);
+}
+
+TEST(Smoothing, RaisesTheWorstTetAndNeverInverts) {
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    TetMesh mesh = shaken_cube(4, 0.3, seed);
+    const Projector project = onto_middle;
+    Stars stars(mesh, project);
+    for (int p = 0; p < static_cast<int>(mesh.points.size()); ++p) {
+      const double before = stars.worst(stars.star(p));
+      const bool moved = smooth(stars, p);
+      const double after = stars.worst(stars.star(p));
+      EXPECT_TRUE(moved ? after > before : after == before);
+      EXPECT_FALSE(moved && stars.on_boundary(p)) << "no surface was given for the boundary";
+    }
+    stars.extract(mesh);
+    expect_sound(mesh);
+  }
+}
+
+TEST(Smoothing, APointOnASurfaceStaysOnIt) {
+  // Half a ball of tets on a bent surface: the middle of the floor slides over the sphere.
+  const Vec centre{0, 0, -2};
+  const Projector sphere = [&](const Vec& p, const std::vector<int>&) {
+    const Vec out = sub(p, centre);
+    const Vec normal = scale(1.0 / norm(out), out);
+    return Contact{add(centre, scale(2.0, normal)), {normal}};
+  };
+  TetMesh mesh{.points = {{0, 0, 0}, {0.1, 0.1, 1}}};
+  for (int i = 0; i < 6; ++i) {
+    const double angle = std::numbers::pi * i / 3.0;
+    mesh.points.push_back(sphere({std::cos(angle), std::sin(angle), 0}, {})->point);
+    mesh.tets.push_back({0, 2 + i, 2 + (i + 1) % 6, 1});
+  }
+  mesh.labels.assign(6, 1);
+  mesh.points[0] = sphere({0.55, 0.2, 0}, {})->point;
+  Stars stars(mesh, sphere);
+  const double before = stars.worst(stars.star(0));
+  ASSERT_TRUE(smooth(stars, 0));
+  EXPECT_GT(stars.worst(stars.star(0)), before + 0.05);
+  EXPECT_NEAR(norm(sub(stars.points()[0], centre)), 2.0, 1e-12);
+}
+
+TEST(Collapse, ANeedleGoesAndTheMaterialsKeepTheirVolumes) {
+  TetMesh mesh = shaken_cube(4, 0.0, 1);
+  const int inner = (1 * 5 + 1) * 5 + 1, beside = inner + 1;
+  mesh.points[inner] = sub(mesh.points[beside], {0.01, 0, 0});
+  const double first = volume_of(mesh, 1), second = volume_of(mesh, 2);
+  const Projector none;
+  Stars stars(mesh, none);
+  ASSERT_TRUE(collapse_edge(stars, inner, beside));
+  stars.extract(mesh);
+  EXPECT_EQ(mesh.points.size(), 124u);
+  EXPECT_NEAR(volume_of(mesh, 1), first, 1e-12);
+  EXPECT_NEAR(volume_of(mesh, 2), second, 1e-12);
+  expect_sound(mesh);
+}
+
+TEST(Improve, ShakenCubesStaySoundKeepTheirShapeAndGetBetter) {
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    TetMesh mesh = shaken_cube(6, 0.33, seed);
+    const auto before = interface(mesh);
+    const double angle = smallest_dihedral(mesh), first = volume_of(mesh, 1);
+    const auto result = improve(mesh, seed % 2 ? Projector(onto_middle) : Projector());
+    expect_sound(mesh);
+    EXPECT_NEAR(volume_of(mesh), 1.0, 1e-9);
+    EXPECT_NEAR(volume_of(mesh, 1), first, 1e-9);
+    EXPECT_GT(result.worst_after, result.worst_before);
+    EXPECT_GT(smallest_dihedral(mesh), angle);
+    EXPECT_GT(smallest_dihedral(mesh), 15.0) << "seed " << seed;
+    std::size_t on_plane = 0;
+    for (const auto& triangle : interface(mesh)) {
+      const bool inner = std::all_of(triangle.begin(), triangle.end(), [&](int p) {
+        return std::abs(mesh.points[p][2] - 0.5) < 1e-9;
+      });
+      on_plane += inner;
+    }
+    EXPECT_GT(on_plane, 30u);
+    EXPECT_FALSE(before.empty());
+  }
+}
+
+TEST(Improve, TheSameMeshGivesTheSameBytes) {
+  TetMesh once = shaken_cube(6, 0.33, 3), again = once;
+  improve(once, onto_middle);
+  improve(again, onto_middle);
+  EXPECT_EQ(once.points, again.points);
+  EXPECT_EQ(once.tets, again.tets);
+  EXPECT_EQ(once.labels, again.labels);
+}
+
+TEST(Improve, BusyPointsLoseTets) {
+  const auto busiest = [](const TetMesh& mesh) {
+    std::vector<int> count(mesh.points.size());
+    for (const auto& tet : mesh.tets)
+      for (const int corner : tet) ++count[corner];
+    return *std::max_element(count.begin(), count.end());
+  };
+  TetMesh mesh = shaken_cube(6, 0.25, 2), limited = mesh;
+  improve(mesh, onto_middle, {.valence = 1000});
+  improve(limited, onto_middle, {.valence = 30});
+  EXPECT_LE(busiest(limited), busiest(mesh));
+  expect_sound(limited);
+}
+
+}  // namespace
+}  // namespace viscera

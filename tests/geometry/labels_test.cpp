@@ -1,0 +1,259 @@
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/error.hpp"
+#include "stages/common/image_io.hpp"
+#include "stages/common/label_components.hpp"
+#include "stages/labels/clean.hpp"
+#include "stages/labels/stage.hpp"
+#include "tests/geometry/shapes.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::run_stage;
+
+// A NIfTI-1 file by hand: int16 voxels of value `value` in an 8 x 6 x 4 block, and an sform.
+std::string nifti(const std::array<float, 12>& sform, std::int16_t value = 1, float scale = 1.0f) {
+  std::string bytes(352 + 2 * 8 * 6 * 4, '\0');
+  const auto put = [&bytes](std::size_t at, auto number) {
+    std::memcpy(&bytes[at], &number, sizeof number);
+  };
+  put(0, std::int32_t{348});
+  const std::int16_t dimensions[] = {3, 8, 6, 4, 1, 1, 1, 1};
+  for (std::size_t d = 0; d < 8; ++d) put(40 + 2 * d, dimensions[d]);
+  put(70, std::int16_t{4});   // int16
+  put(72, std::int16_t{16});  // bits
+  for (std::size_t d = 0; d < 4; ++d) put(76 + 4 * d, 1.0f);
+  put(108, 352.0f);
+  put(112, scale);
+  put(123, char{2});          // mm
+  put(254, std::int16_t{1});  // sform code
+  for (std::size_t s = 0; s < 12; ++s) put(280 + 4 * s, sform[s]);
+  std::memcpy(&bytes[344], "n+1", 4);
+  for (int k = 1; k < 3; ++k)
+    for (int j = 2; j < 4; ++j)
+      for (int i = 2; i < 6; ++i)
+        put(static_cast<std::size_t>(352 + 2 * ((k * 6 + j) * 8 + i)), value);
+  return bytes;
+}
+
+class Labels : public ::testing::Test {
+ protected:
+  fs::path write(const std::string& name, const std::string& bytes) {
+    write_atomically(folder_.path() / name, bytes);
+    return folder_.path() / name;
+  }
+  fs::path write(const std::string& name, const LabelImage& image) {
+    write_nrrd(folder_.path() / name, image);
+    return folder_.path() / name;
+  }
+  testing::Outcome run(const fs::path& volume, const std::vector<std::string>& settings = {}) {
+    std::vector<std::string> arguments{"--in", "volume=" + volume.string(), "--out",
+                                       out().string()};
+    for (const auto& setting : settings) arguments.insert(arguments.end(), {"--set", setting});
+    return run_stage(labels_stage(), arguments);
+  }
+  fs::path out() const { return folder_.path() / "out"; }
+  void expect_refused(const testing::Outcome& outcome, const std::string& words) {
+    EXPECT_EQ(outcome.code, static_cast<int>(ExitCode::bad_input)) << outcome.log;
+    EXPECT_NE(outcome.log.find(words), std::string::npos) << outcome.log;
+    EXPECT_TRUE(testing::files_in(out()).empty());
+  }
+  TemporaryFolder folder_{fs::temp_directory_path()};
+};
+
+TEST_F(Labels, AVolumeSurvivesTheWayThroughNrrdWithItsObliqueFrameAndNames) {
+  LabelImage image = testing::nested_balls();
+  image.frame.direction = {0.8, -0.6, 0, 0.6, 0.8, 0, 0, 0, -1};
+  const auto read = read_image(write("a.nrrd", image));
+  EXPECT_EQ(read.image.voxels, image.voxels);
+  EXPECT_EQ(read.image.names, image.names);
+  for (int d = 0; d < 9; ++d)
+    EXPECT_NEAR(read.image.frame.direction[d], image.frame.direction[d], 1e-12);
+  EXPECT_EQ(read.notes.frame_shift_mm, 0.0);
+}
+
+TEST_F(Labels, NiftiIsTurnedFromRasToLps) {
+  const auto read = read_image(write("a.nii", nifti({2, 0, 0, 10, 0, 3, 0, 20, 0, 0, 4, 30})));
+  EXPECT_NEAR(read.image.frame.origin[0], -10.0, 1e-6);
+  EXPECT_NEAR(read.image.frame.origin[1], -20.0, 1e-6);
+  EXPECT_NEAR(read.image.frame.origin[2], 30.0, 1e-6);
+  EXPECT_NEAR(read.image.frame.direction[0], -1.0, 1e-6);
+  EXPECT_NEAR(read.image.frame.direction[8], 1.0, 1e-6);
+  EXPECT_NEAR(read.image.frame.voxel_volume(), 24.0, 1e-5);
+}
+
+TEST_F(Labels, ASlightlySkewedNiftiIsRepairedAboutItsCentreAndReported) {
+  const std::array<float, 12> sform{2, 0.03f, 0, 10, 0, 2, 0.03f, 20, 0, 0, 2, 30};
+  const auto read = read_image(write("skew.nii", nifti(sform)));
+  const auto& d = read.image.frame.direction;
+  for (int a = 0; a < 3; ++a)
+    for (int b = 0; b < 3; ++b) {
+      const double dot = d[a] * d[b] + d[3 + a] * d[3 + b] + d[6 + a] * d[6 + b];
+      EXPECT_NEAR(dot, a == b ? 1.0 : 0.0, 1e-9);
+    }
+  EXPECT_GT(read.notes.frame_shift_mm, 0.01);
+  EXPECT_LT(read.notes.frame_shift_mm, 0.5);
+  // The centre of the volume, by the file's own affine: RAS index (3.5, 2.5, 1.5).
+  const std::array<double, 3> centre{-(2 * 3.5 + 0.03 * 2.5 + 10), -(2 * 2.5 + 0.03 * 1.5 + 20),
+                                     2 * 1.5 + 30};
+  const auto& frame = read.image.frame;
+  const auto place =
+      frame.to_lps({3.5 * frame.spacing[0], 2.5 * frame.spacing[1], 1.5 * frame.spacing[2]});
+  for (int a = 0; a < 3; ++a) EXPECT_NEAR(place[a], centre[a], 1e-4);
+}
+
+TEST_F(Labels, ANiftiInMetresOrMicronsIsTheSameVolumeInMillimetres) {
+  const std::array<float, 12> straight{2, 0, 0, 10, 0, 2, 0, 20, 0, 0, 2, 30};
+  const std::array<float, 12> skewed{2, 0.03f, 0, 10, 0, 2, 0.03f, 20, 0, 0, 2, 30};
+  for (const auto& sform : {straight, skewed}) {
+    const auto mm = read_image(write("mm.nii", nifti(sform))).image.frame;
+    for (const auto& [code, per_mm] : {std::pair<char, float>{1, 1e-3f}, {3, 1e3f}}) {
+      std::array<float, 12> scaled = sform;
+      for (float& value : scaled) value *= per_mm;
+      std::string bytes = nifti(scaled);
+      bytes[123] = code;
+      const auto frame = read_image(write("scaled.nii", bytes)).image.frame;
+      for (std::size_t a = 0; a < 3; ++a) {
+        EXPECT_NEAR(frame.spacing[a], mm.spacing[a], 1e-4) << int{code};
+        EXPECT_NEAR(frame.origin[a], mm.origin[a], 1e-4) << int{code};
+      }
+      for (std::size_t d = 0; d < 9; ++d) EXPECT_NEAR(frame.direction[d], mm.direction[d], 1e-5);
+    }
+  }
+}
+
+TEST_F(Labels, AStronglySkewedNiftiIsRefused) {
+  expect_refused(run(write("skew.nii", nifti({2, 1.5f, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0}))),
+                 "direction");
+}
+
+TEST_F(Labels, FilesThatAreNoLabelVolumesAreRefusedAndLeaveNothing) {
+  expect_refused(run(folder_.path() / "absent.nii"), "absent.nii");
+  expect_refused(run(write("text.nii.gz", "certainly not an image")), "text.nii.gz");
+  expect_refused(run(write("text.txt", "certainly not an image")), "text.txt");
+  const std::array<float, 12> straight{2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0};
+  expect_refused(run(write("cut.nii", nifti(straight).substr(0, 500))), "cut.nii");
+  const std::string whole = read_file(write("whole.nrrd", testing::nested_balls()));
+  expect_refused(run(write("cut.nrrd", whole.substr(0, whole.size() / 2))), "cut.nrrd");
+  gzFile zipped = gzopen((folder_.path() / "whole.nii.gz").c_str(), "wb");
+  const std::string volume = nifti(straight);
+  gzwrite(zipped, volume.data(), static_cast<unsigned>(volume.size()));
+  gzclose(zipped);
+  EXPECT_EQ(read_image(folder_.path() / "whole.nii.gz").image.frame.size[0], 8);
+  const std::string gz = read_file(folder_.path() / "whole.nii.gz");
+  expect_refused(run(write("cut.nii.gz", gz.substr(0, gz.size() - 12))), "truncated");
+  write("cut.raw", std::string(500, '\1'));
+  const auto header = write("cut.mhd",
+                            "ObjectType = Image\nNDims = 3\nDimSize = 10 10 10\n"
+                            "ElementType = MET_UCHAR\nElementDataFile = cut.raw\n");
+  expect_refused(run(header), "end too early");
+  write("cut.raw", std::string(1000, '\1'));
+  EXPECT_EQ(read_image(header).image.voxels.size(), 1000u);
+  expect_refused(run(write("raw.nrrd",
+                           "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 9 9 9\n"
+                           "spacings: 1 1 1\nencoding: raw\n\n" +
+                               std::string(300, '\1'))),
+                 "raw.nrrd");
+  expect_refused(run(write("negative.nii", nifti(straight, -7))), "-7 at voxel");
+  expect_refused(run(write("probability.nii", nifti(straight, 1, 0.4f))), "voxel values");
+  expect_refused(run(write("zero.nii", nifti(straight, 0))), "all zero");
+}
+
+TEST_F(Labels, AHeaderThatAsksForTooMuchIsRefusedBeforeAllocating) {
+  expect_refused(run(write("huge.nrrd",
+                           "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 60000 60000 60000\n"
+                           "spacings: 1 1 1\nencoding: raw\n\n")),
+                 "dimensions");
+}
+
+TEST_F(Labels, ALabelThatDoesNotOccurIsNamedWithThoseThatDo) {
+  const auto volume = write("a.nrrd", testing::nested_balls());
+  const auto outcome = run(volume, {"labels={liver: 1, spleen: 7}"});
+  expect_refused(outcome, "labels.spleen");
+  EXPECT_NE(outcome.log.find("1, 2"), std::string::npos) << outcome.log;
+  EXPECT_EQ(run(volume, {"labels={liver: 1, tumour: [2, 1]}"}).code, 3);
+  EXPECT_EQ(run(volume, {"labels={liver: one}"}).code, 3);
+}
+
+TEST_F(Labels, ABodyCutByTheBorderWarnsWithTheAreaOrFailsTheGate) {
+  const LabelImage slab = testing::draw(12, {1.0, 2.0, 3.0}, [](double x, double y, double) {
+    return std::abs(x) < 2.0 && std::abs(y) < 4.0 ? 5 : 0;
+  });
+  const auto volume = write("cut.nrrd", slab);  // 4 x 4 voxels of 1 x 2 mm at either end
+  const auto warned = run(volume, {"border=warn"});
+  EXPECT_EQ(warned.code, 0) << warned.log;
+  EXPECT_NE(warned.log.find("inferior (k = 0) 32 mm2"), std::string::npos) << warned.log;
+  EXPECT_DOUBLE_EQ(testing::metric(out(), "border_area").get<double>(), 64.0);
+  EXPECT_EQ(run(volume).code, static_cast<int>(ExitCode::gate_failed));
+  // Whatever was cut is closed off by the padding.
+  const auto closed = find_components(read_image(out() / "labels.nrrd").image);
+  for (const auto& component : closed.list)
+    EXPECT_TRUE(component.label == 0 || !component.on_border);
+}
+
+TEST(Clean, SpecksAndHolesGoToTheNeighbourTheyShareMostFacesWith) {
+  LabelImage image = testing::draw(20, {1, 1, 1}, [](double x, double y, double z) {
+    return std::max({std::abs(x), std::abs(y), std::abs(z)}) < 7.0 ? 1 : 0;
+  });
+  const auto at = [&image](int i, int j, int k) -> std::uint16_t& {
+    return image.voxels[image.frame.index(i, j, k)];
+  };
+  at(10, 10, 10) = 0;  // a hole
+  at(8, 8, 8) = 2;     // a speck inside
+  at(1, 1, 1) = 2;     // a speck outside
+  Cleaning cleaning;
+  absorb_specks(image, 5, cleaning);
+  EXPECT_EQ(at(10, 10, 10), 1);
+  EXPECT_EQ(at(8, 8, 8), 1);
+  EXPECT_EQ(at(1, 1, 1), 0);
+  EXPECT_EQ(cleaning.cavities_filled.components, 1u);
+  EXPECT_EQ(cleaning.specks_absorbed.components, 1u);
+  EXPECT_EQ(cleaning.specks_removed.voxels, 1u);
+}
+
+TEST(Clean, OnlyTheLargestBodyStaysAndItsPlaceIsKept) {
+  LabelImage image = testing::draw(20, {1, 2, 3}, [](double x, double, double) {
+    return x < -5 ? 3 : x > 4 && x < 6 ? 4 : 0;
+  });
+  image.frame.direction = {0, 1, 0, -1, 0, 0, 0, 0, 1};
+  Cleaning cleaning;
+  keep_largest_body(image, cleaning);
+  EXPECT_EQ(cleaning.bodies_removed.components, 1u);
+  EXPECT_EQ(count_labels(image).count(4), 0u);
+  std::array<int, 3> offset{};
+  const LabelImage cropped = crop(image, {3, 2, 2}, offset);
+  EXPECT_EQ(offset, (std::array<int, 3>{-3, -2, -2}));
+  const auto& frame = image.frame;
+  const auto before =
+      frame.to_lps({4 * frame.spacing[0], 5 * frame.spacing[1], 6 * frame.spacing[2]});
+  const auto after = cropped.frame.to_lps({(4.0 - offset[0]) * frame.spacing[0],
+                                           (5.0 - offset[1]) * frame.spacing[1],
+                                           (6.0 - offset[2]) * frame.spacing[2]});
+  for (int a = 0; a < 3; ++a) EXPECT_NEAR(before[a], after[a], 1e-12);
+  EXPECT_EQ(count_labels(cropped), count_labels(image));
+}
+
+TEST_F(Labels, ARealSegmentationBecomesOneBodyWithItsTumours) {
+  const fs::path volume = "../shared/data/lits_pred_liver_27.nii.gz";
+  if (!fs::exists(volume)) GTEST_SKIP() << volume << " is not here";
+  const auto outcome = run(volume, {"labels={liver: 1, tumour: 2}", "border=gate"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const auto cleaned = read_image(out() / "labels.nrrd").image;
+  LabelImage body = cleaned;
+  for (auto& id : body.voxels) id = id != 0;
+  EXPECT_EQ(find_components(body).list.size(), 2u);  // the body and the background
+  const auto labels = testing::read_json(out() / "labels.json").at("labels");
+  EXPECT_EQ(labels[0].at("name"), "liver");
+  EXPECT_NEAR(labels[0].at("ml").get<double>(), 1393.9, 1.0);
+  EXPECT_NEAR(labels[1].at("ml").get<double>(), 49.0, 0.5);
+}
+
+}  // namespace
+}  // namespace viscera

@@ -1,0 +1,54 @@
+// Label volumes and stage calls that the geometry tests share.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "pipeline/contract/param.hpp"
+#include "stages/common/label_image.hpp"
+#include "stages/common/stage_main.hpp"
+
+namespace viscera::testing {
+
+// A cube of n^3 voxels filled by label(x, y, z) of the voxel-mm position relative to its middle.
+template <class Label>
+LabelImage draw(int n, const std::array<double, 3>& spacing, Label label) {
+  LabelImage image;
+  image.frame = {.size = {n, n, n},
+                 .spacing = spacing,
+                 .origin = {-40.0, 25.0, 310.0},
+                 .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+  image.voxels.resize(image.frame.voxels());
+  for (int k = 0; k < n; ++k)
+    for (int j = 0; j < n; ++j)
+      for (int i = 0; i < n; ++i) {
+        const double middle = 0.5 * (n - 1);
+        image.voxels[image.frame.index(i, j, k)] = static_cast<std::uint16_t>(
+            label((i - middle) * spacing[0], (j - middle) * spacing[1], (k - middle) * spacing[2]));
+      }
+  return image;
+}
+
+// A ball of label 1 with a smaller, off-centre ball of label 2 inside; radii in mm.
+LabelImage nested_balls(double outer = 20.0, double inner = 8.0);
+
+struct Outcome {
+  int code = 0;
+  std::string log;  // stderr
+};
+
+// The stage's main() with these arguments.
+Outcome run_stage(const Stage& stage, std::vector<std::string> arguments);
+
+Json read_json(const std::filesystem::path& path);
+
+// A metric of the manifest in `folder`.
+Json metric(const std::filesystem::path& folder, const std::string& name);
+
+// Everything below a folder, by name: to see that nothing half-written stays.
+std::vector<std::string> files_in(const std::filesystem::path& folder);
+
+}  // namespace viscera::testing

@@ -1,0 +1,85 @@
+#include "stages/common/tet_io.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/error.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+TetMesh two_tets() {
+  TetMesh mesh;
+  mesh.points = {{0, 0, 0}, {1.5, 0, 0}, {0, 2.25, 0}, {0, 0, 1e-3}, {4, 4, 4}};
+  mesh.tets = {{0, 1, 2, 3}, {1, 2, 3, 4}};
+  mesh.labels = {1, 7};
+  mesh.label_names = {{1, "liver"}, {7, "tumour, left"}};
+  mesh.cell_data = {{"quality", {0.25f, 1.0f}}};
+  return mesh;
+}
+
+std::string refusal(const fs::path& path) {
+  try {
+    read_vtu(path);
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::bad_input);
+    return e.what();
+  }
+  ADD_FAILURE() << path << " was accepted";
+  return "";
+}
+
+TEST(TetIo, AMeshComesBackAsItWasWritten) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const TetMesh mesh = two_tets();
+  write_vtu(folder.path() / "mesh.vtu", mesh);
+  const TetMesh back = read_vtu(folder.path() / "mesh.vtu");
+  EXPECT_EQ(back.points, mesh.points);
+  EXPECT_EQ(back.tets, mesh.tets);
+  EXPECT_EQ(back.labels, mesh.labels);
+  EXPECT_EQ(back.label_names, mesh.label_names);
+  EXPECT_EQ(back.cell_data, mesh.cell_data);
+}
+
+TEST(TetIo, TheSameMeshGivesTheSameBytes) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  write_vtu(folder.path() / "a.vtu", two_tets());
+  write_vtu(folder.path() / "b.vtu", two_tets());
+  EXPECT_EQ(read_file(folder.path() / "a.vtu"), read_file(folder.path() / "b.vtu"));
+}
+
+TEST(TetIo, NegativeTetsAreTurnedAndFlatOnesRefusedWithTheirCount) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const fs::path path = folder.path() / "mesh.vtu";
+  TetMesh mesh = two_tets();
+  std::swap(mesh.tets[0][0], mesh.tets[0][1]);
+  write_vtu(path, mesh);
+  EXPECT_EQ(read_vtu(path).tets[0], (std::array<int, 4>{1, 0, 3, 2}));
+  mesh.points[3] = {1, 1, 0};
+  write_vtu(path, mesh);
+  EXPECT_NE(refusal(path).find("1 tets without volume"), std::string::npos) << refusal(path);
+}
+
+TEST(TetIo, BrokenFilesAreRefusedByName) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const fs::path path = folder.path() / "mesh.vtu";
+  EXPECT_NE(refusal(path).find("mesh.vtu"), std::string::npos);
+  write_atomically(path, "not a mesh at all");
+  EXPECT_NE(refusal(path).find("mesh.vtu"), std::string::npos);
+  write_vtu(path, two_tets());
+  const std::string whole = read_file(path);
+  write_atomically(path, whole.substr(0, whole.size() * 3 / 4));
+  EXPECT_NE(refusal(path).find("Error parsing"), std::string::npos) << refusal(path);
+  TetMesh mesh = two_tets();
+  mesh.points[2][1] = std::numeric_limits<double>::quiet_NaN();
+  write_vtu(path, mesh);
+  EXPECT_NE(refusal(path).find("point 2 is not finite"), std::string::npos) << refusal(path);
+}
+
+}  // namespace
+}  // namespace viscera

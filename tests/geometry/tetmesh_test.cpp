@@ -1,0 +1,270 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/error.hpp"
+#include "stages/common/image_io.hpp"
+#include "stages/common/surface_io.hpp"
+#include "stages/common/tet_io.hpp"
+#include "stages/labels/stage.hpp"
+#include "stages/tetmesh/material_fields.hpp"
+#include "stages/tetmesh/mesh.hpp"
+#include "stages/tetmesh/stage.hpp"
+#include "stages/tetmesh/topology.hpp"
+#include "tests/geometry/shapes.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Tetmesh : public ::testing::Test {
+ protected:
+  std::string write(const LabelImage& image) {
+    write_nrrd(folder_.path() / "labels.nrrd", image);
+    return "labels=" + (folder_.path() / "labels.nrrd").string();
+  }
+  std::string write(const SurfaceMesh& surface) {
+    write_vtp(folder_.path() / "surface.vtp", surface);
+    return "surface=" + (folder_.path() / "surface.vtp").string();
+  }
+  testing::Outcome run(const std::string& input, const std::vector<std::string>& settings = {}) {
+    std::vector<std::string> arguments{"--in", input, "--out", out().string()};
+    for (const auto& setting : settings) arguments.insert(arguments.end(), {"--set", setting});
+    return testing::run_stage(tetmesh_stage(), arguments);
+  }
+  fs::path out() const { return folder_.path() / "out"; }
+  TetMesh mesh() const { return read_vtu(out() / "mesh.vtu"); }
+  TemporaryFolder folder_{fs::temp_directory_path()};
+};
+
+// A subdivided octahedron blown up to a ball, LPS mm.
+SurfaceMesh ball_surface(double radius) {
+  SurfaceMesh ball{
+      .points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
+      .triangles =
+          {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}},
+      .label_names = {{3, "kidney"}}};
+  for (int round = 0; round < 4; ++round) {
+    std::map<std::array<int, 2>, int> middles;
+    const auto middle = [&](int a, int b) {
+      const auto [entry, fresh] = middles.try_emplace({std::min(a, b), std::max(a, b)},
+                                                      static_cast<int>(ball.points.size()));
+      if (fresh) {
+        const auto &p = ball.points[a], &q = ball.points[b];
+        ball.points.push_back({p[0] + q[0], p[1] + q[1], p[2] + q[2]});
+        auto& m = ball.points.back();
+        const double length = std::hypot(m[0], m[1], m[2]);
+        for (double& x : m) x /= length;
+      }
+      return entry->second;
+    };
+    std::vector<std::array<int, 3>> finer;
+    for (const auto& t : ball.triangles) {
+      const int ab = middle(t[0], t[1]), bc = middle(t[1], t[2]), ca = middle(t[2], t[0]);
+      finer.insert(finer.end(), {{t[0], ab, ca}, {t[1], bc, ab}, {t[2], ca, bc}, {ab, bc, ca}});
+    }
+    ball.triangles = finer;
+  }
+  for (auto& p : ball.points)
+    for (double& x : p) x *= radius;
+  ball.labels.assign(ball.triangles.size(), 3);
+  return ball;
+}
+
+TEST(MaterialFields, EveryMaterialOccupiesTheVolumeOfItsVoxels) {
+  const LabelImage image = testing::nested_balls(20.0, 6.0);
+  const MaterialFields fields(image, 1.2);
+  const Frame& frame = image.frame;
+  std::map<int, double> wanted, found;
+  for (const auto id : image.voxels) wanted[id] += 1.0;
+  for (int k = 0; k < 2 * frame.size[2] - 1; ++k)
+    for (int j = 0; j < 2 * frame.size[1] - 1; ++j)
+      for (int i = 0; i < 2 * frame.size[0] - 1; ++i)
+        found[fields.at({0.5 * i * frame.spacing[0], 0.5 * j * frame.spacing[1],
+                         0.5 * k * frame.spacing[2]})] += 0.125;
+  EXPECT_NEAR((found[1] + found[2]) / (wanted[1] + wanted[2]), 1.0, 5e-3);
+  EXPECT_NEAR(found[2] / wanted[2], 1.0, 0.02);
+}
+
+TEST(MaterialFields, AimingHigherMakesAMaterialLarger) {
+  const LabelImage image = testing::nested_balls(20.0, 6.0);
+  MaterialFields fields(image, 1.2);
+  const auto count = [&] {
+    int inside = 0;
+    for (int i = 0; i < 2000; ++i) inside += fields.at({0.0265 * i, 20.5, 29.4}) == 2;
+    return inside;
+  };
+  const int before = count();
+  fields.aim({{2, 1.3}});
+  EXPECT_GT(count(), before);
+}
+
+TEST(Seeds, EveryComponentOfEveryInterfaceGetsSome) {
+  const LabelImage image = testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
+    for (const double at : {-10.0, 0.0, 10.0})
+      if (std::hypot(x - at, y, z) < 2.5) return 2;
+    return std::hypot(x, y, z) < 20.0 ? 1 : 0;
+  });
+  const MaterialFields fields(image, 0.8);
+  std::array<int, 3> near{};
+  for (const auto& seed : seed_interfaces(fields, image, 15.0)) {
+    EXPECT_NE(seed.inside, seed.outside);
+    if (seed.inside != 2 && seed.outside != 2) continue;
+    const double x = seed.point[0] - 23.5 * 1.1;
+    ++near[x < -5.0 ? 0 : x < 5.0 ? 1 : 2];
+  }
+  for (const int seeds : near) EXPECT_GE(seeds, 4);
+}
+
+TEST_F(Tetmesh, TwoMaterialsShareTheirInterfaceAndKeepTheirVolumes) {
+  const auto outcome = run(write(testing::nested_balls()), {"cell_size=4mm"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const TetMesh result = mesh();
+  EXPECT_EQ(result.label_names, (std::map<int, std::string>{{1, "liver"}, {2, "tumour"}}));
+  EXPECT_EQ(result.cell_data.count("scaled_jacobian"), 1u);
+  const auto found = inspect(result);
+  EXPECT_EQ(found.components, 1u);  // joined through faces: the materials conform
+  EXPECT_EQ(found.inverted + found.non_manifold_edges + found.non_manifold_points +
+                found.overfull_faces + found.duplicate_points + found.stray_points,
+            0u);
+  std::size_t shared = 0;
+  for_each_face(result, [&](const Face& face) {
+    shared += face.tets[1] >= 0 && result.labels[face.tets[0]] != result.labels[face.tets[1]];
+  });
+  EXPECT_GT(shared, 20u);
+  const auto quality = testing::read_json(out() / "quality.json");
+  EXPECT_LT(std::abs(quality["volume"]["volume_error"].get<double>()), 0.01);
+  for (const auto& label : quality["volume"]["labels"])
+    EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.03) << label;
+  EXPECT_GT(quality["measures"]["dihedral_min"]["min"].get<double>(), 15.0);
+}
+
+TEST_F(Tetmesh, TheSameLabelsGiveTheSameBytes) {
+  const auto input = write(testing::nested_balls());
+  std::string bytes[2];
+  for (auto& once : bytes) {
+    ASSERT_EQ(run(input, {"cell_size=6mm"}).code, 0);
+    once = read_file(out() / "mesh.vtu") + read_file(out() / "quality.json");
+  }
+  EXPECT_EQ(bytes[0], bytes[1]);
+}
+
+TEST_F(Tetmesh, AnObliqueMirroredFrameGivesPositiveTetsInPlace) {
+  LabelImage image = testing::nested_balls();
+  image.frame.direction = {0.8, 0.6, 0, -0.6, 0.8, 0, 0, 0, -1};
+  const auto outcome = run(write(image), {"cell_size=6mm"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const TetMesh result = mesh();
+  EXPECT_EQ(inspect(result).inverted, 0u);
+  const auto centre = image.frame.to_lps({23.5 * 1.1, 23.5 * 1.0, 23.5 * 1.25});
+  for (const auto& p : result.points)
+    EXPECT_LT(std::hypot(p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]), 21.5);
+}
+
+TEST_F(Tetmesh, AWantedNumberOfTetsIsMetWithinTenPercent) {
+  const auto outcome = run(write(testing::nested_balls()), {"target_tets=3000"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  EXPECT_NEAR(static_cast<double>(mesh().tets.size()), 3000.0, 300.0);
+}
+
+TEST_F(Tetmesh, ThePhantomsThreeMaterialsHaveNoSliversAndTheSameBytesTwice) {
+  const auto labels =
+      testing::run_stage(labels_stage(), {"--in", "volume=sample_data/phantom.nrrd", "--set",
+                                          "labels={liver: 1, tumour: 2, vessels: 3}", "--out",
+                                          (folder_.path() / "labels").string()});
+  ASSERT_EQ(labels.code, 0) << labels.log;
+  const auto input = "labels=" + (folder_.path() / "labels" / "labels.nrrd").string();
+  std::string bytes[2];
+  for (auto& once : bytes) {
+    const auto outcome = run(input, {"cell_size=9.6mm", "min_dihedral=15deg"});
+    ASSERT_EQ(outcome.code, 0) << outcome.log;  // all gates, the labels' volumes among them
+    once = read_file(out() / "mesh.vtu");
+  }
+  EXPECT_TRUE(bytes[0] == bytes[1]);
+  const auto measures = testing::read_json(out() / "quality.json")["measures"];
+  EXPECT_LE(measures["dihedral_max"]["max"].get<double>(), 162.0);
+  EXPECT_GE(measures["scaled_jacobian"]["min"].get<double>(), 0.04);
+}
+
+TEST_F(Tetmesh, OurImproverBeatsPerturbAndExude) {
+  const auto input = write(testing::nested_balls());
+  std::map<std::string, double> angle;
+  for (const std::string way : {"none", "cgal", "own"}) {
+    run(input, {"cell_size=4mm", "improve=" + way});
+    const auto measures = testing::read_json(out() / "quality.json")["measures"];
+    angle[way] = measures["dihedral_min"]["min"];
+  }
+  EXPECT_LT(angle["none"], angle["cgal"]);
+  EXPECT_LT(angle["cgal"], angle["own"]);
+}
+
+TEST_F(Tetmesh, AnAbsurdCellSizeIsRefusedWithTheEstimate) {
+  const auto outcome = run(write(testing::nested_balls()), {"cell_size=0.05mm"});
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_NE(outcome.log.find("million tets"), std::string::npos) << outcome.log;
+  EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
+TEST_F(Tetmesh, AFailedGateKeepsTheMeshAndSaysSo) {
+  const auto outcome = run(write(testing::nested_balls()), {"cell_size=6mm", "min_dihedral=60deg"});
+  EXPECT_EQ(outcome.code, 5);
+  EXPECT_NE(outcome.log.find("min_dihedral"), std::string::npos);
+  EXPECT_FALSE(mesh().tets.empty());
+}
+
+TEST_F(Tetmesh, AClosedSurfaceIsFilled) {
+  const auto outcome = run(write(ball_surface(20.0)), {"cell_size=3mm"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const TetMesh result = mesh();
+  EXPECT_EQ(result.label_names, (std::map<int, std::string>{{3, "kidney"}}));
+  EXPECT_EQ(std::set<int>(result.labels.begin(), result.labels.end()), std::set<int>{3});
+  EXPECT_GT(testing::metric(out(), "dihedral_min")["min"].get<double>(), 15.0);
+  EXPECT_LT(std::abs(testing::metric(out(), "volume")["volume_error"].get<double>()), 0.02);
+}
+
+TEST_F(Tetmesh, AnOpenOrCrossingSurfaceIsRefusedByName) {
+  SurfaceMesh open = ball_surface(20.0);
+  open.triangles.pop_back();
+  open.labels.pop_back();
+  auto outcome = run(write(open));
+  EXPECT_EQ(outcome.code, 4);
+  EXPECT_NE(outcome.log.find("surface.vtp: it has open edges"), std::string::npos) << outcome.log;
+  SurfaceMesh crossing = ball_surface(20.0);
+  crossing.points[0] = {-30.0, 0.0, 0.0};
+  outcome = run(write(crossing));
+  EXPECT_EQ(outcome.code, 4);
+  EXPECT_NE(outcome.log.find("crosses itself"), std::string::npos) << outcome.log;
+  EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
+TEST_F(Tetmesh, LabelsThatTouchTheBorderAreRefused) {
+  const auto outcome = run(
+      write(testing::draw(12, {1, 1, 1}, [](double, double, double z) { return z > 0 ? 1 : 0; })));
+  EXPECT_EQ(outcome.code, 4);
+  EXPECT_NE(outcome.log.find("border"), std::string::npos) << outcome.log;
+}
+
+TEST_F(Tetmesh, ARealLiverWithItsTumoursBecomesOneSoundMesh) {
+  const fs::path volume = "../shared/data/lits_pred_liver_27.nii.gz";
+  if (!fs::exists(volume)) GTEST_SKIP() << volume << " is not here";
+  const auto labels = testing::run_stage(
+      labels_stage(), {"--in", "volume=" + volume.string(), "--set", "labels={liver: 1, tumour: 2}",
+                       "--out", (folder_.path() / "labels").string()});
+  ASSERT_EQ(labels.code, 0) << labels.log;
+  const auto outcome = run("labels=" + (folder_.path() / "labels" / "labels.nrrd").string(),
+                           {"cell_size=9mm", "volume_passes=1"});
+  EXPECT_EQ(outcome.code, 0) << outcome.log;
+  for (const auto& label : testing::metric(out(), "volume")["labels"])
+    EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.05) << label;
+}
+
+TEST_F(Tetmesh, NeitherLabelsNorSurfaceIsABadRequest) {
+  const auto outcome = testing::run_stage(tetmesh_stage(), {"--out", out().string()});
+  EXPECT_EQ(outcome.code, 3);
+}
+
+}  // namespace
+}  // namespace viscera

@@ -1,0 +1,242 @@
+// Every element effect of the registry: gradients against finite differences, invariance under
+// rigid motion; and the Neo-Hookean stress against closed forms.
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "sim/backend/cpu_sweep.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+template <class Effect>
+struct Sample {
+  Model model = make_cube(1);
+  typename Effect::Params params{};
+  typename Effect::template Rest<double> rest =
+      Effect::template rest<double>(model, 0, params, 1e-3);
+  Vec3<double> u[Effect::arity], d[Effect::arity];
+
+  explicit Sample(unsigned seed) {
+    std::mt19937 generator(seed);
+    for (auto& a : u) a = random_vector(generator, 0.01);
+    for (auto& a : d) a = random_vector(generator, 1e-5);
+  }
+  auto evaluate() const {
+    Evaluation<double, Effect::rows, Effect::arity> out{};
+    Effect::evaluate(rest, u, d, out);
+    return out;
+  }
+};
+
+template <class Effect>
+constexpr bool is_constraint = [] {
+  if constexpr (Effect::kind == EffectKind::element) return Effect::rows > 0;
+  return false;
+}();
+
+template <class Effect>
+void check_gradient() {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    Sample<Effect> sample(seed);
+    const auto exact = sample.evaluate();
+    for (int i = 0; i < Effect::arity; ++i) {
+      for (double Vec3<double>::*axis : {&Vec3<double>::x, &Vec3<double>::y, &Vec3<double>::z}) {
+        constexpr double h = 1e-9;
+        auto ahead = sample, behind = sample;
+        ahead.d[i].*axis += h;
+        behind.d[i].*axis -= h;
+        for (int row = 0; row < Effect::rows; ++row) {
+          const double slope =
+              (ahead.evaluate().value[row] - behind.evaluate().value[row]) / (2.0 * h);
+          const double gradient = exact.gradient[row][i].*axis;
+          EXPECT_NEAR(gradient, slope, 1e-4 * (1.0 + std::abs(gradient)))
+              << Effect::name << " row " << row << " vertex " << i << " seed " << seed;
+        }
+      }
+    }
+  }
+}
+
+TEST(Effects, GradientsAgreeWithCentralDifferences) {
+  Effects::for_each([]<class Effect, std::size_t>() {
+    if constexpr (is_constraint<Effect>) check_gradient<Effect>();
+  });
+}
+
+TEST(Effects, PreloadAndRemainderAreThoseOfTheReferenceMultipliers) {
+  // lambda0 = k (remainder - C), and the preload is its force.
+  Effects::for_each([]<class Effect, std::size_t>() {
+    if constexpr (is_constraint<Effect>) {
+      const auto out = Sample<Effect>(11).evaluate();
+      for (int i = 0; i < Effect::arity; ++i) {
+        Vec3<double> force;
+        double scale = 0.0;
+        for (int row = 0; row < Effect::rows; ++row) {
+          const double multiplier = out.stiffness[row] * (out.remainder[row] - out.value[row]);
+          force += multiplier * out.gradient[row][i];
+          scale += std::abs(multiplier) * norm(out.gradient[row][i]);
+        }
+        EXPECT_LE(norm(force - out.preload[i]), 1e-13 * scale) << Effect::name;
+      }
+    }
+  });
+}
+
+Vec3<double> rotated(const Vec3<double>& x, double angle) {
+  const double c = std::cos(angle), s = std::sin(angle);
+  return {c * x.x - s * x.y, s * x.x + c * x.y, x.z};
+}
+
+TEST(Effects, RigidMotionTurnsTheForcesAndChangesNothingElse) {
+  Effects::for_each([]<class Effect, std::size_t>() {
+    if constexpr (Effect::kind == EffectKind::element) {
+      constexpr double angle = 0.8;
+      Sample<Effect> sample(7);
+      const auto before = sample.evaluate();
+      const auto& vertices = Effect::elements(sample.model, sample.params)[0];
+      for (int i = 0; i < Effect::arity; ++i) {
+        const Vec3<double> x = sample.model.rest[vertices[i]];
+        sample.u[i] = rotated(x + sample.u[i], angle) + Vec3<double>{1.0, -2.0, 0.5} - x;
+        sample.d[i] = rotated(sample.d[i], angle);
+      }
+      const auto after = sample.evaluate();
+      Vec3<double> sum;
+      double scale = 0.0;
+      for (int i = 0; i < Effect::arity; ++i) scale += norm(before.preload[i]);
+      for (int i = 0; i < Effect::arity; ++i) {
+        sum += after.preload[i];
+        EXPECT_LT(norm(after.preload[i] - rotated(before.preload[i], angle)), 1e-9 * scale);
+      }
+      EXPECT_LT(norm(sum), 1e-12 * scale) << Effect::name << ": forces must cancel";
+      if constexpr (is_constraint<Effect>) {
+        for (int row = 0; row < Effect::rows; ++row) {
+          EXPECT_NEAR(after.value[row], before.value[row], 1e-10) << Effect::name;
+        }
+      }
+    }
+  });
+}
+
+// d after one sweep of all colours of an effect from random fields.
+template <class Effect, class T, class Solve>
+std::vector<Vec3<T>> swept(const Model& model, const Prepared<Effect, T>& elements, Solve&& solve) {
+  std::mt19937 generator(5);
+  const std::size_t n = model.vertex_count() + 1;  // and the spare vertex
+  std::vector<Vec3<T>> u(n), d(n);
+  std::vector<T> w(n, T(0));
+  for (std::size_t i = 0; i + 1 < n; ++i) {
+    u[i] = cast<T>(random_vector(generator, 2e-3));
+    d[i] = cast<T>(random_vector(generator, 1e-6));
+    w[i] = static_cast<T>(1.0 / model.mass[i]);
+  }
+  solve(elements, SweepFields<T>{w.data(), u.data(), d.data(), T(2.6e-4)});
+  d.pop_back();
+  return d;
+}
+
+template <class Effect, class T>
+void check_sweeps(std::size_t index) {
+  const Model model = make_cube(3);
+  const Prepared<Effect, T> elements(model, {}, 2.6e-4);
+  const auto one_by_one = [](const Prepared<Effect, T>& all, const SweepFields<T>& f) {
+    for (std::size_t e = 0; e < all.vertices.size(); ++e) {
+      Vec3<T> u[4], d[4];
+      T mobility[4];
+      for (int i = 0; i < 4; ++i) {
+        u[i] = f.u[all.vertices[e][i]], d[i] = f.d[all.vertices[e][i]];
+        mobility[i] = f.inverse_mass[all.vertices[e][i]] * (f.dt * f.dt);
+      }
+      correct_element<Effect>(all.rest[e], mobility, u, d);
+      for (int i = 0; i < 4; ++i) f.d[all.vertices[e][i]] = d[i];
+    }
+  };
+  const auto expected = swept<Effect, T>(model, elements, one_by_one);
+  std::tuple<SweepTable<float>, SweepTable<double>> baseline{}, widest{};
+  fill_sweeps_baseline(std::get<0>(baseline), std::get<1>(baseline));
+  widest = baseline;
+#if defined(VISCERA_AVX2)
+  if (__builtin_cpu_supports("avx2")) fill_sweeps_avx2(std::get<0>(widest), std::get<1>(widest));
+#endif
+  for (const auto* tables : {&baseline, &widest}) {
+    const Sweep<T> sweep = std::get<SweepTable<T>>(*tables)[index];
+    const auto d = swept<Effect, T>(
+        model, elements, [&](const Prepared<Effect, T>& all, const SweepFields<T>& fields) {
+          const PackedElements<Effect, T> packed(all, static_cast<int>(model.vertex_count()));
+          sweep(packed.groups.data(), 0, static_cast<int>(packed.groups.size()), fields);
+        });
+    EXPECT_EQ(std::memcmp(d.data(), expected.data(), d.size() * sizeof(d[0])), 0) << Effect::name;
+  }
+}
+
+TEST(Effects, EveryInstructionSetGivesTheBitsOfTheScalarCode) {
+  Effects::for_each([]<class Effect, std::size_t i>() {
+    if constexpr (Effect::kind == EffectKind::element) {
+      check_sweeps<Effect, float>(i);
+      check_sweeps<Effect, double>(i);
+    }
+  });
+}
+
+// First Piola-Kirchhoff stress along x for F = diag(s, t, t), from the constraints' own values.
+double nominal_stress(const Material& material, double s, double t) {
+  const Lame constants = lame(material);
+  const double lambda = constants.neo_hookean_lambda();
+  const Mat3<double> h{{{s - 1.0, 0, 0}, {0, t - 1.0, 0}, {0, 0, t - 1.0}}};
+  const double c_h = NeoHookean::volume_strain(h) - constants.mu / lambda;
+  return constants.mu * s + lambda * c_h * cofactor(plus_identity(1.0, h)).col[0].x;
+}
+
+TEST(NeoHookean, UniaxialStressMatchesTheClosedForm) {
+  // t^2 = a/s - mu/(lambda s^2) makes the sides free of stress; P/E for nu = 0.45.
+  const Material material = {.youngs_modulus = 1.0, .poisson_ratio = 0.45, .density = 1.0};
+  const double table[][3] = {{0.5, 1.341641, -1.068966}, {0.7, 1.169336, -0.432191},
+                             {0.8, 1.103970, -0.249461}, {0.9, 1.048220, -0.110638},
+                             {1.1, 0.957787, 0.091738},  {1.2, 0.920447, 0.170338},
+                             {1.5, 0.829993, 0.358876},  {2.0, 0.724569, 0.599138}};
+  for (const auto& [s, t, p] : table) EXPECT_NEAR(nominal_stress(material, s, t), p, 3e-6) << s;
+}
+
+TEST(NeoHookean, StressIsTheDerivativeOfTheEnergy) {
+  const Material material = {.youngs_modulus = 5e3, .poisson_ratio = 0.45, .density = 1060.0};
+  const auto energy = [&material](double s, double t) {
+    return NeoHookean::energy_density(material, {{{s - 1, 0, 0}, {0, t - 1, 0}, {0, 0, t - 1}}});
+  };
+  EXPECT_EQ(energy(1.0, 1.0), 0.0);
+  for (const double s : {0.6, 0.9, 1.3}) {
+    constexpr double h = 1e-6;
+    const double slope = (energy(s + h, 0.95) - energy(s - h, 0.95)) / (2.0 * h);
+    EXPECT_NEAR(nominal_stress(material, s, 0.95), slope, 1e-6 * std::abs(slope));
+  }
+}
+
+TEST(NeoHookean, SmallStrainSlopeIsYoungsModulusForEveryPoissonRatio) {
+  for (const double nu : {0.0, 0.3, 0.45, 0.49}) {
+    const Material material = {.youngs_modulus = 1e4, .poisson_ratio = nu, .density = 1060.0};
+    const Lame constants = lame(material);
+    const double lambda = constants.neo_hookean_lambda(), a = 1.0 + constants.mu / lambda;
+    const double s = 1.0 + 1e-6;
+    const double t = std::sqrt(a / s - constants.mu / (lambda * s * s));
+    EXPECT_NEAR(nominal_stress(material, s, t) / 1e-6, 1e4, 1.0) << nu;
+  }
+}
+
+TEST(Viscosity, AShearRateMeetsTheStressOfANewtonianFluid) {
+  // The work of the forces over the substep is -V dt (2 eta |D|^2).
+  constexpr double dt = 1e-6;
+  const Model model = make_cube(1);
+  const auto rest = Viscosity::rest<double>(model, 0, {}, dt);
+  const double rate = 3.0;  // 1/s, in simple shear: D has two entries rate/2
+  Vec3<double> u[4] = {}, d[4];
+  for (int i = 0; i < 4; ++i) d[i] = {rate * dt * model.rest[model.tets[0][i]].y, 0.0, 0.0};
+  Evaluation<double, 0, 4> out;
+  Viscosity::evaluate(rest, u, d, out);
+  double work = 0.0;
+  for (int i = 0; i < 4; ++i) work += dot(out.preload[i], d[i]);
+  const double eta = lame(soft_tissue).mu * soft_tissue.damping;
+  EXPECT_NEAR(work, -eta * rate * rate * model.volume[0] * dt, 1e-9 * std::abs(work));
+}
+
+}  // namespace
+}  // namespace viscera::sim

@@ -1,0 +1,124 @@
+// The model refuses what cannot be simulated; colours are proper; the stability numbers are right.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <limits>
+
+#include "sim/coloring.hpp"
+#include "sim/refusal.hpp"
+#include "sim/stability.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+const std::vector<Vec3<double>> corner = {{0, 0, 0}, {0.01, 0, 0}, {0, 0.01, 0}, {0, 0, 0.01}};
+
+std::string refused_field(const std::vector<Vec3<double>>& points, const std::vector<Tet>& tets,
+                          const std::vector<int>& labels,
+                          const std::map<int, Material>& materials) {
+  try {
+    make_model(points, tets, labels, materials);
+  } catch (const Refusal& refusal) {
+    return refusal.field;
+  }
+  return "accepted";
+}
+
+TEST(Model, MassIsDensityTimesVolume) {
+  const Model model = make_box({0.1, 0.2, 0.3}, {2, 3, 4}, soft_tissue, {5.0, -3.0, 1.0});
+  double mass = 0.0;
+  for (const double m : model.mass) mass += m;
+  EXPECT_NEAR(mass, 1060.0 * 0.1 * 0.2 * 0.3, 1e-12);
+  EXPECT_NEAR(model.origin.x, 5.05, 1e-12);
+}
+
+TEST(Model, BadMeshesAreRefusedWithTheFieldNamed) {
+  const std::map<int, Material> one = {{1, soft_tissue}};
+  EXPECT_EQ(refused_field({}, {}, {}, one), "mesh");
+  EXPECT_EQ(refused_field(corner, {{0, 1, 2, 4}}, {1}, one), "tetrahedron");
+  EXPECT_EQ(refused_field(corner, {{0, 2, 1, 3}}, {1}, one), "tetrahedra");
+  EXPECT_EQ(refused_field(corner, {{0, 1, 2, 3}}, {1, 1}, one), "label");
+  EXPECT_EQ(refused_field(corner, {{0, 1, 2, 3}}, {2}, one), "materials");
+  auto not_a_number = corner;
+  not_a_number[2].y = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(refused_field(not_a_number, {{0, 1, 2, 3}}, {1}, one), "point 2");
+  auto stray = corner;
+  stray.push_back({1, 1, 1});
+  EXPECT_EQ(refused_field(stray, {{0, 1, 2, 3}}, {1}, one), "points");
+  auto flat = corner;
+  flat[3] = {0.005, 0.005, 1e-17};
+  EXPECT_EQ(refused_field(flat, {{0, 1, 2, 3}}, {1}, one), "tetrahedra");
+}
+
+TEST(Model, ImpossibleMaterialsAreRefusedWithTheFieldNamed) {
+  const auto refused = [](auto change) {
+    Material material = soft_tissue;
+    change(material);
+    return refused_field(corner, {{0, 1, 2, 3}}, {1}, {{1, material}});
+  };
+  EXPECT_EQ(refused([](Material& m) { m.youngs_modulus = -5.0; }), "material of label 1, E");
+  EXPECT_EQ(refused([](Material& m) { m.poisson_ratio = 0.5; }), "material of label 1, nu");
+  EXPECT_EQ(refused([](Material& m) { m.density = 0.0; }), "material of label 1, density");
+  EXPECT_EQ(refused([](Material& m) { m.damping = -1.0; }), "material of label 1, damping");
+}
+
+RC_GTEST_PROP(Coloring, NoTwoElementsOfAColorShareAVertex, ()) {
+  const int vertices = *rc::gen::inRange(4, 60);
+  const auto elements = *rc::gen::container<std::vector<Tet>>(rc::gen::exec([vertices] {
+    Tet tet{};
+    const auto picked = *rc::gen::unique<std::vector<int>>(4, rc::gen::inRange(0, vertices));
+    std::copy(picked.begin(), picked.end(), tet.begin());
+    return tet;
+  }));
+  const Coloring coloring = color_elements<4>(std::span<const Tet>(elements), vertices);
+  RC_ASSERT(coloring.order.size() == elements.size());
+  std::vector<int> times(elements.size(), 0);
+  for (int color = 0; color < coloring.color_count(); ++color) {
+    std::vector<char> seen(vertices, 0);
+    for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
+      ++times[coloring.order[at]];
+      for (const int v : elements[coloring.order[at]]) {
+        RC_ASSERT(!seen[v]);
+        seen[v] = 1;
+      }
+    }
+  }
+  for (const int count : times) RC_ASSERT(count == 1);
+}
+
+TEST(Stability, CsAndKappaMatchTheirDefinitionOnOneTet) {
+  const Model model =
+      make_model(corner, std::vector<Tet>{{0, 1, 2, 3}}, std::vector<int>{1}, {{1, soft_tissue}});
+  const TimeGrid time{.frame_s = 1.0 / 60.0, .substeps = 10};
+  const Stability s = assess(model, time);
+  const double h = 0.01 / std::sqrt(3.0);  // over the corner at the right angles
+  const Lame constants = lame(soft_tissue);
+  EXPECT_NEAR(s.altitude_min, h, 1e-12);
+  EXPECT_NEAR(s.cs_max, std::sqrt(constants.mu / 1060.0) / (600.0 * h), 1e-9);
+  EXPECT_NEAR(s.kappa_max,
+              std::sqrt((constants.lambda + 2.0 * constants.mu) / 1060.0) / (600.0 * h), 1e-9);
+}
+
+TEST(Stability, ThePolicyRefusesWarnsOrRaisesTheSubsteps) {
+  Material stiff = soft_tissue;
+  stiff.youngs_modulus = 1e6;
+  const Model model = make_cube(10, stiff);
+  Scene scene = elastic_scene();
+  scene.time.substeps = 4;
+  scene.stability = StabilityPolicy::refuse;
+  EXPECT_THROW(apply_policy(model, scene), Refusal);
+  Scene hopeless = scene;
+  hopeless.stability = StabilityPolicy::substeps;
+  hopeless.time.frame_s = 1e6;
+  EXPECT_THROW(apply_policy(model, hopeless), Refusal);
+  scene.stability = StabilityPolicy::warn;
+  EXPECT_GT(apply_policy(model, scene).cs_max, cs_limit);
+  EXPECT_EQ(scene.time.substeps, 4);
+  scene.stability = StabilityPolicy::substeps;
+  EXPECT_LE(apply_policy(model, scene).cs_max, cs_limit);
+  EXPECT_GT(scene.time.substeps, 4);
+}
+
+}  // namespace
+}  // namespace viscera::sim

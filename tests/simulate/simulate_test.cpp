@@ -1,0 +1,199 @@
+// viscera-simulate from files to files: what it writes, and how it refuses, diverges and fails
+// gates.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/digest.hpp"
+#include "sim/backend/backend.hpp"
+#include "stages/common/tet_io.hpp"
+#include "stages/common/trajectory_io.hpp"
+#include "stages/simulate/stage.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+const char* const drop_scene = R"(scene: 1
+materials:
+  liver: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3, damping: 20 ms}
+effects:
+  neo_hookean:
+  gravity: {acceleration: 9.8 m/s2}
+  ground: {clearance: 5 mm, friction: 0.3}
+  viscosity:
+time: {frame_rate: 60 Hz, substeps: 32, end: 4 s}
+rest: {speed: 5 mm/s, hold: 0.1 s}
+expect:
+  inverted_max: {max: 0}
+)";
+
+class Simulate : public testing::Test {
+ protected:
+  Simulate() : folder_(fs::temp_directory_path()) {
+    const sim::Model model = sim::make_cube(3);
+    TetMesh mesh{.tets = model.tets,
+                 .labels = std::vector<int>(model.tet_count(), 7),
+                 .label_names = {{7, "liver"}}};
+    for (const auto& x : model.rest) mesh.points.push_back({1e3 * x.x, 1e3 * x.y, 1e3 * x.z + 50});
+    write_vtu(path("mesh.vtu"), mesh);
+  }
+
+  fs::path path(const std::string& name) const { return folder_.path() / name; }
+
+  // Exit code of `viscera-simulate` with this scene; its messages are in `errors`.
+  int run(const std::string& scene, std::vector<std::string> extra = {},
+          const std::string& out = "out") {
+    write_atomically(path("scene.yaml"), scene);
+    std::vector<std::string> words = {"viscera-simulate",
+                                      "--in",
+                                      "mesh=" + path("mesh.vtu").string(),
+                                      "--in",
+                                      "scene=" + path("scene.yaml").string(),
+                                      "--set",
+                                      "device=cpu",
+                                      "--out",
+                                      path(out).string()};
+    words.insert(words.end(), extra.begin(), extra.end());
+    std::vector<char*> argv;
+    for (auto& word : words) argv.push_back(word.data());
+    testing::internal::CaptureStderr();
+    testing::internal::CaptureStdout();
+    const int code = stage_main(static_cast<int>(argv.size()), argv.data(), simulate_stage());
+    testing::internal::GetCapturedStdout();
+    errors = testing::internal::GetCapturedStderr();
+    return code;
+  }
+
+  Manifest manifest() const {
+    return manifest_from_json(Json::parse(read_file(path("out") / "manifest.json")));
+  }
+  Json metric(const std::string& name) const {
+    for (const auto& m : manifest().metrics) {
+      if (m.name == name) return m.value;
+    }
+    return "absent";
+  }
+
+  std::string errors;
+
+ private:
+  TemporaryFolder folder_;
+};
+
+std::string with(std::string scene, const std::string& old, const std::string& replacement) {
+  const auto at = scene.find(old);
+  EXPECT_NE(at, std::string::npos) << old;
+  return scene.replace(at, old.size(), replacement);
+}
+
+TEST_F(Simulate, ADroppedBodyRestsAndLeavesAReadableTrajectory) {
+  ASSERT_EQ(run(drop_scene), 0) << errors;
+  EXPECT_GT(metric("rest_time").get<double>(), 0.1);
+  EXPECT_NEAR(metric("contact_time").get<double>(), std::sqrt(2 * 0.005 / 9.8), 1.0 / 60.0);
+  const TrajectoryReader reader(path("out") / "trajectory.h5");
+  ASSERT_EQ(reader.times_s().size(), metric("frames").get<std::size_t>());
+  const auto first = reader.positions_mm(0),
+             last = reader.positions_mm(reader.times_s().size() - 1);
+  EXPECT_NEAR(first[2], 25.0, 1e-4);  // the mesh's own millimetres
+  EXPECT_NEAR(*std::min_element(last.begin(), last.end()), first[0], 5.0);
+  double lowest = 1e9;
+  for (std::size_t i = 2; i < last.size(); i += 3) lowest = std::min<double>(lowest, last[i]);
+  EXPECT_NEAR(lowest, 20.0, 0.05);  // 5 mm below the face, less load dt^2 / mass
+  EXPECT_EQ(metric("effects_off"), Json::array());
+}
+
+TEST_F(Simulate, EqualRunsGiveEqualFilesWhateverTheThreads) {
+  ASSERT_EQ(run(drop_scene, {"--set", "end=0.3s", "--set", "threads=1"}, "out"), 0) << errors;
+  ASSERT_EQ(run(drop_scene, {"--set", "end=0.3s", "--set", "threads=2"}, "again"), 0) << errors;
+  for (const char* file : {"trajectory.h5", "trajectory.xdmf", "metrics.csv", "scene.json"}) {
+    EXPECT_EQ(sha256_file(path("out") / file), sha256_file(path("again") / file)) << file;
+  }
+}
+
+TEST_F(Simulate, BadScenesAreRefusedAtTheirLineWithTheFieldNamedAndNothingWritten) {
+  const std::string s = drop_scene;
+  const struct {
+    std::string scene, place, says;
+  } cases[] = {
+      {with(s, "E: 5 kPa", "E: -5 kPa"), "scene.yaml:3:", "materials.liver.E"},
+      {with(s, "nu: 0.45", "nu: 0.5"), "scene.yaml:3:", "materials.liver.nu"},
+      {with(s, "E: 5 kPa", "E: 5"), "scene.yaml:3:", "has no unit"},
+      {with(s, "E: 5 kPa", "E: 5 mm"), "scene.yaml:3:", "is a length, not a pressure"},
+      {with(s, "E: 5 kPa, ", ""), "scene.yaml:3:", "materials.liver.E: missing"},
+      {with(s, "density", "densty"), "scene.yaml:3:", "did you mean 'density'?"},
+      {with(s, "  gravity", "  gravty"), "scene.yaml:6:", "did you mean 'gravity'?"},
+      {with(s, "friction: 0.3", "friction: -1"), "scene.yaml:7:", "effects.ground.friction"},
+      {with(s, "clearance: 5 mm", "normal: [0, 0]"), "scene.yaml", "three numbers"},
+      {with(s, "clearance: 5 mm", "normal: [0, 0, 0]"), "scene.yaml", "a vector of length 0"},
+      {with(s, "substeps: 32", "substeps: 0"), "scene.yaml:9:", "time.substeps"},
+      {with(s, "liver:", "spleen:"), "scene.yaml", "materials.liver: missing"},
+      {with(s, "inverted_max", "inverted"), "scene.yaml", "expect.inverted: no such metric"},
+      {with(s, "scene: 1", "scene: 2"), "scene.yaml", "scene: 1"},
+      {with(s, "{max: 0}", "{}"), "scene.yaml:12:", "neither min nor max"},
+      {"- a\n- b\n", "scene.yaml:1:", "not a map"},
+      {"scene: [", "scene.yaml", ""},
+  };
+  for (const auto& c : cases) {
+    EXPECT_EQ(run(c.scene, {"--set", "end=0.05s"}), 3) << c.says << "\n" << errors;
+    EXPECT_NE(errors.find(c.place), std::string::npos) << errors;
+    EXPECT_NE(errors.find(c.says), std::string::npos) << errors;
+    EXPECT_TRUE(!fs::exists(path("out")) || fs::is_empty(path("out"))) << c.says;
+  }
+}
+
+TEST_F(Simulate, AMeshThatIsNotOneIsBadInput) {
+  write_atomically(path("mesh.vtu"), "not a mesh");
+  EXPECT_EQ(run(drop_scene), 4) << errors;
+  EXPECT_NE(errors.find("mesh.vtu"), std::string::npos) << errors;
+}
+
+TEST_F(Simulate, AFailedExpectationIsAFailedGateWithEverythingWritten) {
+  const auto scene = with(drop_scene, "inverted_max: {max: 0}", "rest_time: {max: 0.01}");
+  EXPECT_EQ(run(scene), 5) << errors;
+  EXPECT_NE(errors.find("gate rest_time"), std::string::npos) << errors;
+  EXPECT_TRUE(fs::exists(path("out") / "trajectory.h5"));
+}
+
+TEST_F(Simulate, ABodyThatIsNotAtRestInTimeFailsTheGateOnItsRestTime) {
+  const auto scene = with(drop_scene, "inverted_max: {max: 0}", "rest_time: {max: 5}");
+  EXPECT_EQ(run(scene, {"--set", "end=0.1s"}), 5) << errors;
+}
+
+TEST_F(Simulate, DivergenceStopsAtTheLastGoodFrameAndSaysWhere) {
+  auto scene = with(drop_scene, "E: 5 kPa", "E: 500 MPa");
+  scene = with(scene, "substeps: 32", "substeps: 1") + "stability: warn\n";
+  EXPECT_EQ(run(scene), 7) << errors;
+  EXPECT_NE(errors.find("diverged after frame"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("tets with the smallest J"), std::string::npos) << errors;
+  EXPECT_EQ(manifest().exit, ExitCode::diverged);
+  const TrajectoryReader reader(path("out") / "trajectory.h5");
+  EXPECT_GE(reader.times_s().size(), 1u);
+}
+
+TEST_F(Simulate, TheStabilityPolicyRefusesOrRaisesTheSubsteps) {
+  const auto stiff = with(drop_scene, "E: 5 kPa", "E: 5 MPa");
+  EXPECT_EQ(run(stiff + "stability: refuse\n"), 3);
+  EXPECT_NE(errors.find("time.substeps"), std::string::npos) << errors;
+  EXPECT_EQ(run(stiff + "stability: substeps\n", {"--set", "end=0.05s"}), 0) << errors;
+  EXPECT_GT(metric("substeps").get<int>(), 32);
+  EXPECT_LE(metric("stability_Cs_max").get<double>(), 0.6);
+}
+
+TEST_F(Simulate, AnAbsentDeviceIsExitSixAndAutoFallsBackSayingSo) {
+  if (sim::find_cuda_device().name) GTEST_SKIP() << "there is a CUDA device here";
+  EXPECT_EQ(run(drop_scene, {"--set", "device=cuda", "--set", "end=0.05s"}), 6) << errors;
+  EXPECT_EQ(run(drop_scene, {"--set", "device=auto", "--set", "end=0.05s"}), 0) << errors;
+  EXPECT_NE(errors.find("running on the CPU"), std::string::npos) << errors;
+}
+
+TEST_F(Simulate, AnUnwritableFolderIsRefusedByName) {
+  EXPECT_EQ(run(drop_scene, {}, "../../proc/nowhere"), 2) << errors;
+  EXPECT_NE(errors.find("nowhere"), std::string::npos) << errors;
+}
+
+}  // namespace
+}  // namespace viscera

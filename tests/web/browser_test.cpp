@@ -1,0 +1,170 @@
+// The report as a browser shows it: not blank, moving with time, in both themes, without script
+// errors, and never taking text of a file for markup.
+#include "tests/web/browser.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <regex>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "tests/web/sample_run.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int width = 1400, height = 900;
+
+struct Rectangle {
+  int left, top, w, h;
+};
+
+class Web : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!Browser::available()) GTEST_SKIP() << "no chromium in PATH";
+  }
+
+  // Runs viscera-report on the named inputs of a sample run.
+  void make_report(const SampleRun& run, const std::vector<std::string>& inputs) {
+    write_sample_run(run_, run);
+    std::string command = fmt::format("'{}' --quiet --out '{}'", VISCERA_REPORT, out_.string());
+    for (const auto& input : inputs) {
+      const auto equals = input.find('=');
+      command += fmt::format(" --in '{}={}'", input.substr(0, equals),
+                             (run_ / input.substr(equals + 1)).string());
+    }
+    ASSERT_EQ(std::system((command + " >/dev/null").c_str()), 0);
+  }
+  void make_whole_report(const SampleRun& run = {}) {
+    make_report(run, {"labels=labels/labels.nrrd", "mesh=tetmesh/mesh.vtu",
+                      "trajectory=simulate/trajectory.h5"});
+  }
+  std::string address(const std::string& hash) const {
+    return "file://" + (out_ / "report.html").string() + "#" + hash;
+  }
+
+  // An attribute of the page's #status element.
+  static std::string status(const std::string& document, const std::string& attribute) {
+    std::smatch tag, value;
+    if (!std::regex_search(document, tag, std::regex("<output id=\"status\"[^>]*>"))) return "";
+    const std::string text = tag.str();
+    return std::regex_search(text, value, std::regex(attribute + "=\"([^\"]*)\"")) ? value[1].str()
+                                                                                   : "";
+  }
+  Rectangle canvas(const std::string& document) {
+    Rectangle r{};
+    const std::string text = status(document, "data-canvas");
+    EXPECT_EQ(std::sscanf(text.c_str(), "%d,%d,%d,%d", &r.left, &r.top, &r.w, &r.h), 4) << text;
+    EXPECT_LE(r.top + r.h, height) << "the 3D view must stand on the first screen";
+    return r;
+  }
+
+  TemporaryFolder folder_{fs::temp_directory_path()};
+  fs::path run_ = folder_.path() / "run", out_ = folder_.path() / "out";
+  Browser browser_{folder_.path()};
+};
+
+// Part of a rectangle in the second label's orange, seen through the first label or bare.
+double orange_part(const Picture& picture, const Rectangle& r) {
+  int orange = 0;
+  for (int y = r.top; y < r.top + r.h; ++y) {
+    for (int x = r.left; x < r.left + r.w; ++x) {
+      const std::uint8_t* p = &picture.rgb[3u * (static_cast<std::size_t>(y) * width + x)];
+      orange += p[0] > 110 && p[0] > p[1] + 25 && p[1] > p[2] + 35;
+    }
+  }
+  return orange / (static_cast<double>(r.w) * r.h);
+}
+
+TEST_F(Web, TheMeshIsDrawnMovesAndFollowsThemeAndField) {
+  make_whole_report();
+  const std::string document = browser_.document(address("t=0"), width, height);
+  ASSERT_EQ(status(document, "data-state"), "ready") << document.substr(0, 2000);
+  const Rectangle r = canvas(document);
+  const auto picture = [this](const std::string& hash) {
+    return browser_.screenshot(address(hash), width, height);
+  };
+  const auto changed = [&r](const Picture& a, const Picture& b) {
+    return difference(a, b, r.left, r.top, r.w, r.h);
+  };
+
+  const Picture start = picture("t=0&theme=light"), later = picture("t=0.2&theme=light");
+  const Picture dark = picture("t=0.2&theme=dark");
+  for (const Picture* p : {&start, &later, &dark}) {
+    EXPECT_GT(p->statistics(r.left, r.top, r.w, r.h).deviation, 12.0) << "a blank canvas";
+    EXPECT_GT(orange_part(*p, r), 0.005) << "the inner label does not show";
+  }
+  EXPECT_GT(changed(start, later), 0.02) << "time does not move it";
+  EXPECT_GT(start.statistics(0, 0, width, height).mean, 180.0);
+  EXPECT_LT(dark.statistics(0, 0, width, height).mean, 70.0);
+
+  const Picture shape = picture("t=0.2&theme=light&colour=shape");
+  const Picture ratio = picture("t=0.2&theme=light&colour=ratio");
+  EXPECT_GT(changed(later, shape), 0.05);
+  EXPECT_GT(changed(later, ratio), 0.05);
+  EXPECT_GT(changed(shape, ratio), 0.05);
+  EXPECT_EQ(browser_.console(), "");
+}
+
+TEST_F(Web, PlayingReachesTheEndWithEverythingOn) {
+  make_whole_report();
+  const std::string document =
+      browser_.document(address("t=0&play=1&edges=1&colour=displacement"), width, height);
+  EXPECT_EQ(status(document, "data-state"), "ready");
+  EXPECT_NE(document.find(">0.22&nbsp;s</output>"), std::string::npos)
+      << document.substr(document.find("id=\"clock\""), 60);
+  EXPECT_EQ(browser_.console(), "");
+}
+
+TEST_F(Web, NamesFromFilesAreTextNeverMarkup) {
+  SampleRun run;
+  run.tumour_name = "</script><script>document.title='owned'</script><img src=x onerror=alert(1)>";
+  make_whole_report(run);
+  const std::string document = browser_.document(address("t=0"), width, height);
+  EXPECT_EQ(status(document, "data-state"), "ready");
+  EXPECT_EQ(document.find("<img"), std::string::npos);
+  EXPECT_EQ(document.find("<title>owned"), std::string::npos);
+  EXPECT_NE(document.find("&lt;img src=x onerror=alert(1)&gt;"), std::string::npos);
+  EXPECT_EQ(browser_.console(), "");
+}
+
+TEST_F(Web, LabelsAndMeshAloneMakeAReportWithoutTheView) {
+  make_report({}, {"labels=labels/labels.nrrd", "mesh=tetmesh/mesh.vtu"});
+  const std::string document = browser_.document(address(""), width, height);
+  EXPECT_EQ(status(document, "data-state"), "ready");
+  EXPECT_NE(document.find("All 2 quality gates passed"), std::string::npos);
+  EXPECT_NE(document.find("1705"), std::string::npos) << "the labels' volume";
+  EXPECT_EQ(browser_.console(), "");
+}
+
+TEST_F(Web, AFailedGateLeadsThePage) {
+  SampleRun run;
+  run.gate_fails = true;
+  make_whole_report(run);
+  const std::string document = browser_.document(address(""), width, height);
+  EXPECT_NE(document.find("1 of 4 quality gates failed"), std::string::npos);
+  EXPECT_NE(document.find("gates failed: min_dihedral"), std::string::npos);
+  EXPECT_NE(document.find("attachment, tearing, self contact"), std::string::npos) << "effects off";
+}
+
+TEST_F(Web, FiftyThousandTetsStaySmallAndOpenSoon) {
+  SampleRun run;
+  run.cells = 20;
+  run.frames = 120;
+  make_whole_report(run);
+  EXPECT_LT(fs::file_size(out_ / "report.html"), 15'000'000u);
+  const std::string document = browser_.document(address("t=0"), width, height);
+  const std::string ms = status(document, "data-first-frame-ms");
+  ASSERT_FALSE(ms.empty());
+  std::printf("first frame after %s ms, page of %.1f MB\n", ms.c_str(),
+              static_cast<double>(fs::file_size(out_ / "report.html")) / 1e6);
+  EXPECT_LT(std::stod(ms), 8000.0);  // 2 s on an idle machine; tests share theirs
+}
+
+}  // namespace
+}  // namespace viscera
