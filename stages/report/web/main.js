@@ -59,18 +59,29 @@
       on ? "M4 2.5h3v11H4zM9 2.5h3v11H9z" : "M4 2.5v11l9-5.5z");
     if (!on) return;
     if (frame === times.length - 1) show(0);
-    let last = null, now = times[frame];
-    const step = stamp => {
+    let last = performance.now(), now = times[frame];
+    const step = () => {
       if (!playing) return;
-      if (last !== null) now += (stamp - last) / 1000 * Number(byId("rate").value);
+      const stamp = performance.now();
+      now += (stamp - last) / 1000 * Number(byId("rate").value);
       last = stamp;
       let next = frame;
       while (next + 1 < times.length && times[next + 1] <= now) ++next;
       if (next !== frame) show(next);
       if (frame === times.length - 1) setPlaying(false);
-      else requestAnimationFrame(step);
+      else soon(step);
     };
-    requestAnimationFrame(step);
+    soon(step);
+  }
+
+  // With the next frame that is drawn, or in 100 ms where none is: a hidden page plays on.
+  function soon(step) {
+    const once = () => {
+      cancelAnimationFrame(drawn);
+      clearTimeout(late);
+      step();
+    };
+    const drawn = requestAnimationFrame(once), late = setTimeout(once, 100);
   }
 
   function updateLegend() {
