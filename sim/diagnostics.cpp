@@ -34,9 +34,9 @@ void add_tets(const Model& model, const State& state, bool elastic, Diagnostics&
 
 Diagnostics diagnose(const Model& model, const Scene& scene, const State& state) {
   Diagnostics sum;
-  add_tets(model, state, scene.params<NeoHookean>().has_value(), sum);
-  const auto& gravity = scene.params<Gravity>();
-  const Vec3<double> g = gravity ? Gravity::vector(*gravity) : Vec3<double>{};
+  add_tets(model, state, scene.has<NeoHookean>(), sum);
+  Vec3<double> g;
+  for (const auto& gravity : scene.params<Gravity>()) g += Gravity::vector(gravity);
   double mass = 0.0;
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {
     const double speed2 = dot(state.v[i], state.v[i]);

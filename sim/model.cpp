@@ -110,7 +110,8 @@ double Model::size() const {
 }
 
 Model make_model(std::span<const Vec3<double>> points_m, std::span<const Tet> tets,
-                 std::span<const int> labels, const std::map<int, Material>& materials) {
+                 std::span<const int> labels, const std::map<int, Material>& materials,
+                 const std::map<int, std::string>& label_names) {
   check_topology(points_m, tets, labels);
   Model model;
   std::map<int, int> index_of;
@@ -124,6 +125,8 @@ Model make_model(std::span<const Vec3<double>> points_m, std::span<const Tet> te
     check_material(label, found->second);
     index = static_cast<int>(model.materials.size());
     model.materials.push_back(found->second);
+    const auto name = label_names.find(label);
+    model.label_names.push_back(name == label_names.end() ? "" : name->second);
   }
   for (const int label : labels) model.material_of.push_back(index_of.at(label));
   model.origin = centroid(points_m);

@@ -5,6 +5,7 @@
 #include <array>
 #include <map>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "sim/material.hpp"
@@ -20,6 +21,8 @@ struct Model {
   std::vector<Tet> tets;                   // [m] positively oriented
   std::vector<int> material_of;            // [m] index into materials
   std::vector<Material> materials;         // one per label that occurs, in order of label
+  std::vector<std::string> label_names;    // likewise; empty where the labels have no names
+  std::vector<double> youngs_modulus;      // [m] Pa, in place of the materials'; empty: theirs
   std::vector<Mat3<double>> rest_inverse;  // [m] B = Dm^-1, 1/m
   std::vector<double> volume;              // [m] det(Dm)/6, m3
   std::vector<double> mass;                // [n] lumped: a quarter of each tet's mass, kg
@@ -27,7 +30,11 @@ struct Model {
 
   std::size_t vertex_count() const { return rest.size(); }
   std::size_t tet_count() const { return tets.size(); }
-  const Material& material(std::size_t tet) const { return materials[material_of[tet]]; }
+  Material material(std::size_t tet) const {
+    Material own = materials[material_of[tet]];
+    if (!youngs_modulus.empty()) own.youngs_modulus = youngs_modulus[tet];
+    return own;
+  }
   // Diagonal of the bounding box, m: the length L that errors are divided by.
   double size() const;
 };
@@ -37,7 +44,8 @@ struct Model {
 // or flat tets (with counts), vertices without a tet, labels without material, materials out of
 // range.
 Model make_model(std::span<const Vec3<double>> points_m, std::span<const Tet> tets,
-                 std::span<const int> labels, const std::map<int, Material>& materials);
+                 std::span<const int> labels, const std::map<int, Material>& materials,
+                 const std::map<int, std::string>& label_names = {});
 
 // Edge differences of a displacement field times B: the gradient H of u, with F = I + H.
 template <class T>

@@ -23,12 +23,12 @@ void check_scene(const Scene& scene) {
   require(scene.rest.speed >= 0.0, "rest.speed", std::to_string(scene.rest.speed),
           "0 m/s or more (0: never at rest)");
   require(scene.rest.hold_s >= 0.0, "rest.hold", std::to_string(scene.rest.hold_s), "0 s or more");
-  if (const auto& gravity = scene.params<Gravity>()) {
-    require(norm(gravity->direction) > 0.0, "effects.gravity.direction", "a vector of length 0",
+  for (const auto& gravity : scene.params<Gravity>()) {
+    require(norm(gravity.direction) > 0.0, "effects.gravity.direction", "a vector of length 0",
             "a direction, for example [0, 0, -1]");
   }
-  if (const auto& ground = scene.params<Ground>()) {
-    require(norm(ground->normal) > 0.0, "effects.ground.normal", "a vector of length 0",
+  for (const auto& ground : scene.params<Ground>()) {
+    require(norm(ground.normal) > 0.0, "effects.ground.normal", "a vector of length 0",
             "a direction, for example [0, 0, 1]");
   }
 }

@@ -28,12 +28,16 @@ struct Scene {
   StabilityPolicy stability = StabilityPolicy::substeps;
 
   template <class Effect>
-  std::optional<typename Effect::Params>& params() {
-    return std::get<std::optional<typename Effect::Params>>(effects);
+  std::vector<typename Effect::Params>& params() {
+    return std::get<std::vector<typename Effect::Params>>(effects);
   }
   template <class Effect>
-  const std::optional<typename Effect::Params>& params() const {
-    return std::get<std::optional<typename Effect::Params>>(effects);
+  const std::vector<typename Effect::Params>& params() const {
+    return std::get<std::vector<typename Effect::Params>>(effects);
+  }
+  template <class Effect>
+  bool has() const {
+    return !params<Effect>().empty();
   }
 };
 

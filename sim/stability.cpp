@@ -25,7 +25,7 @@ Stability assess(const Model& model, const TimeGrid& time) {
   result.altitude_min = std::numeric_limits<double>::infinity();
   const double dt = time.substep_s();
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    const Material& material = model.material(t);
+    const Material material = model.material(t);
     const Lame constants = lame(material);
     const double h = smallest_altitude(model.rest_inverse[t]);
     const double cs = dt * std::sqrt(constants.mu / material.density) / h;
@@ -49,7 +49,7 @@ Stability assess(const Model& model, const TimeGrid& time) {
 Stability apply_policy(const Model& model, Scene& scene) {
   // Only the Neo-Hookean block has this limit; a scene without it has nothing to obey.
   const Stability first = assess(model, scene.time);
-  if (!scene.params<NeoHookean>() || first.cs_max <= cs_limit) return first;
+  if (!scene.has<NeoHookean>() || first.cs_max <= cs_limit) return first;
   if (scene.stability == StabilityPolicy::warn) return first;
   const double needed = first.substeps_needed;
   if (scene.stability == StabilityPolicy::refuse || needed > max_substeps) {

@@ -21,6 +21,10 @@ std::vector<Vec3<To>> cast_all(const std::vector<Vec3<From>>& field) {
 struct State {
   std::vector<Vec3<double>> u;  // [n] m
   std::vector<Vec3<double>> v;  // [n] m/s
+  std::uint64_t step = 0;       // substeps done: time is step * dt
+  // What effects with a history keep (Prony's viscous strains), in the order of the registry and of
+  // their elements. Empty stands for a virgin material.
+  std::vector<double> memory = {};
 
   bool finite() const;
   // FNV-1a over the 64-bit words of u and v, folded after each: a float's empty low bits would

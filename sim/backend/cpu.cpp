@@ -1,206 +1,343 @@
-// The XPBD substep on CPU threads (TBB). Loops run over vertices or over the elements of one
-// colour, which touch disjoint data: any number of threads gives the same bits.
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
+// XPBD, PBD and TLED on a team of CPU threads. Each thread has its range of vertices and its part
+// of every colour (or its blocks), which touch disjoint data: any number of threads gives the same
+// bits. advance_frame() is the loop; read it first.
+#include "sim/backend/cpu.hpp"
 
 #include <algorithm>
+#include <chrono>
+#include <optional>
 
-#include "sim/backend/backend.hpp"
-#include "sim/backend/cpu_sweep.hpp"
+#include "sim/backend/cpu_elements.hpp"
+#include "sim/backend/team.hpp"
+#include "sim/refusal.hpp"
 
 namespace viscera::sim {
 namespace {
 
-// body(begin, end) over parts of the range. Below the grain the hand-over costs more than the work.
-template <class Body>
-void parallel_ranges(int begin, int end, Body&& body, int grain = 64) {
-  if (end - begin <= grain) return body(begin, end);
-  tbb::parallel_for(tbb::blocked_range<int>(begin, end, grain),
-                    [&](const auto& range) { body(range.begin(), range.end()); });
-}
-
-template <class Body>
-void parallel_loop(int begin, int end, Body&& body) {
-  constexpr int grain = 1024;
-  const auto loop = [&body](int first, int last) {
-    for (int i = first; i < last; ++i) body(i);
-  };
-  parallel_ranges(begin, end, loop, grain);
-}
-
-// With the widest instructions that this machine has; the results do not depend on it.
-template <class T>
-SweepTable<T> best_sweeps() {
-  std::tuple<SweepTable<float>, SweepTable<double>> tables{};
-  auto& [table32, table64] = tables;
-#if defined(VISCERA_AVX2)
-  if (__builtin_cpu_supports("avx2")) {
-    fill_sweeps_avx2(table32, table64);
-    return std::get<SweepTable<T>>(tables);
-  }
-#endif
-  fill_sweeps_baseline(table32, table64);
-  return std::get<SweepTable<T>>(tables);
-}
-
 // What one effect keeps on the CPU beside its Prepared data.
 template <class Effect, class T, EffectKind kind = Effect::kind>
 struct OnCpu {
-  OnCpu(const Prepared<Effect, T>&, int) {}
+  OnCpu(const Prepared<Effect, T>&, const ElementLayout&) {}
 };
 template <class Effect, class T>
-struct OnCpu<Effect, T, EffectKind::element> {
-  PackedElements<Effect, T> packed;
-
-  OnCpu(const Prepared<Effect, T>& elements, int vertices) : packed(elements, vertices) {}
+struct OnCpu<Effect, T, EffectKind::element> : CpuElements<Effect, T> {
+  using CpuElements<Effect, T>::CpuElements;
 };
 template <class Effect, class T>
 struct OnCpu<Effect, T, EffectKind::contact> {
-  std::vector<T> depth;  // [n] m, corrected in this substep; 0: not in contact
+  std::vector<Vec3<T>> correction;  // [n] m, in this substep; 0: not in contact
 
-  OnCpu(const Prepared<Effect, T>&, int vertices) : depth(vertices) {}
+  OnCpu(const Prepared<Effect, T>&, const ElementLayout& layout) : correction(layout.vertices) {}
 };
 
+int thread_count(int asked, const Model& model) {
+  if (asked > 0) return asked;
+  constexpr int worth_a_thread = 1500;  // tets: below, barriers cost more than a thread brings
+  const int useful = 1 + static_cast<int>(model.tet_count()) / worth_a_thread;
+  return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, useful);
+}
+
 template <class T>
-class XpbdCpu final : public Solver {
+class CpuSolver final : public Solver {
  public:
-  XpbdCpu(const Model& model, const Scene& scene, int threads)
+  CpuSolver(const Model& model, const Scene& scene, const SolverOptions& options)
       : program_(model, scene),
-        arena_(threads > 0 ? threads : tbb::task_arena::automatic),
-        n_(static_cast<int>(model.vertex_count())),
+        options_(options),
+        layout_(model, program_, options),
+        team_(thread_count(options.threads, model)),
+        n_(layout_.vertices),
         u_(n_ + 1),
         v_(n_),
         d_(n_ + 1) {
     program_.inverse_mass.push_back(T(0));  // of the spare vertex
+    constants_ = {static_cast<T>(program_.dt * program_.dt),
+                  static_cast<T>(options.scheme == Scheme::jacobi ? options.split : 1.0),
+                  static_cast<T>(options.stiffness)};
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      if (const auto& effect = std::get<i>(program_.effects)) {
-        std::get<i>(own_).emplace(*effect, n_);
+      for (const auto& effect : std::get<i>(program_.effects)) {
+        std::get<i>(own_).emplace_back(effect, layout_);
       }
     });
+    if (layout_.split) copies_.emplace(*layout_.split, program_.inverse_mass);
   }
 
   void advance_frame() override {
-    arena_.execute([this] {
+    team_.run([this](int rank) {
+      const Range mine = part_of({0, n_}, rank, team_.size());
+      Lap lap(rank == 0 ? &seconds_ : nullptr);
       for (int substep = 0; substep < program_.substeps; ++substep) {
-        begin();
-        apply_forces();
-        push_contacts();
-        solve_elements();
-        rub_contacts();
-        end();
+        const Step<T> step = program_.step(step_ + substep);
+        begin(mine);
+        apply_forces(mine);
+        apply_motions(mine, step);
+        push_contacts(mine, step);
+        lap.took(step_part);
+        team_.barrier();
+        for (int i = 0; i < options_.iterations; ++i) solve_elements(rank, mine, i, lap);
+        rub_contacts(mine, step);
+        end(mine);
+        lap.took(step_part);
       }
     });
+    step_ += program_.substeps;
   }
 
   State state() const override {
-    State state{cast_all<double>(u_), cast_all<double>(v_)};
+    State state{cast_all<double>(u_), cast_all<double>(v_), step_};
     state.u.pop_back();  // the spare vertex
+    for_each_slot<EffectKind::element>(
+        own_, [&state]<class Effect>(const auto& own) { own.save_memory(state.memory); });
     return state;
   }
   void set_state(const State& state) override {
     u_ = cast_all<T>(state.u);
     u_.emplace_back();
     v_ = cast_all<T>(state.v);
+    step_ = state.step;
+    std::span<const double> memory = state.memory;
+    for_each_slot<EffectKind::element>(
+        own_, [&memory]<class Effect>(auto& own) { own.load_memory(memory); });
   }
   std::size_t contact_count() const override {
     std::size_t count = 0;
     for_each_slot<EffectKind::contact>(own_, [&count]<class Effect>(const auto& own) {
-      count += std::ranges::count_if(own.depth, [](T depth) { return depth > T(0); });
+      count += std::ranges::count_if(own.correction, touches<T>);
     });
     return count;
   }
   std::string device() const override {
-    return "cpu, " + std::to_string(arena_.max_concurrency()) + " threads";
+    return "cpu, " + std::to_string(team_.size()) + " threads";
+  }
+  std::vector<std::pair<std::string, double>> seconds() const override {
+    std::vector<std::pair<std::string, double>> named = {{"step", seconds_[step_part]}};
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if (seconds_[i] > 0.0) named.emplace_back(Effect::name, seconds_[i]);
+    });
+    return named;
   }
 
  private:
-  void begin() {
-    parallel_loop(
-        0, n_, [&](int i) { d_[i] = begin_vertex(program_.inverse_mass[i], v_[i], program_.dt); });
+  static constexpr std::size_t step_part = Effects::size;  // what is not one effect's
+  using Seconds = std::array<double, Effects::size + 1>;
+
+  // Adds the time since its last call to a part; for one thread, the others have no Seconds.
+  class Lap {
+   public:
+    explicit Lap(Seconds* seconds) : seconds_(seconds) {}
+    void took(std::size_t part) {
+      if (!seconds_) return;
+      const auto now = std::chrono::steady_clock::now();
+      (*seconds_)[part] += std::chrono::duration<double>(now - last_).count();
+      last_ = now;
+    }
+
+   private:
+    Seconds* seconds_;
+    std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+  };
+
+  void begin(Range mine) {
+    const T dt = static_cast<T>(program_.dt);
+    for (int i = mine.begin; i < mine.end; ++i) {
+      d_[i] = begin_vertex(program_.inverse_mass[i], v_[i], dt);
+    }
   }
 
-  void apply_forces() {
-    const T dt2 = program_.dt * program_.dt;
-    program_.template for_each_active<EffectKind::force>([&]<class Effect>(const auto& effect) {
-      parallel_loop(0, n_, [&](int i) {
-        if (program_.inverse_mass[i] > T(0)) {
-          d_[i] += dt2 * Effect::acceleration(effect.device, program_.rest[i], u_[i], v_[i]);
-        }
-      });
-    });
-  }
-
-  void solve_elements() {
-    const SweepFields<T> fields{program_.inverse_mass.data(), u_.data(), d_.data(), program_.dt};
-    Effects::for_each([&]<class Effect, std::size_t i>() {
-      if constexpr (Effect::kind == EffectKind::element) {
-        if (const auto& own = std::get<i>(own_)) sweep_colors(own->packed, sweeps_[i], fields);
+  void apply_forces(Range mine) {
+    for_each_slot<EffectKind::force>(program_.effects, [&]<class Effect>(const auto& effect) {
+      for (int i = mine.begin; i < mine.end; ++i) {
+        if (!(program_.inverse_mass[i] > T(0))) continue;
+        d_[i] +=
+            constants_.dt2 * Effect::acceleration(effect.device, program_.rest[i], u_[i], v_[i]);
       }
     });
   }
 
+  void apply_motions(Range mine, const Step<T>& step) {
+    for_each_slot<EffectKind::motion>(program_.effects, [&]<class Effect>(const auto& effect) {
+      for (const int i : effect.vertices) {
+        if (i < mine.begin || i >= mine.end) continue;
+        d_[i] = Effect::target(effect.device, program_.rest[i], step.time) - u_[i];
+      }
+    });
+  }
+
+  // One iteration over all elements. Forces (rows = 0) act once a substep.
+  void solve_elements(int rank, Range mine, int iteration, Lap& lap) {
+    const Arithmetic arithmetic = arithmetic_of(iteration);
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (Effect::kind == EffectKind::element) {
+        for (auto& own : std::get<i>(own_)) {
+          if (Effect::rows == 0 && iteration > 0) continue;
+          if (own.in_blocks()) continue;
+          const Sweep<T> sweep = sweeps_[static_cast<int>(arithmetic)][i];
+          if (own.gathers()) {
+            gather_impulses(own, sweep, rank, mine);
+          } else {
+            sweep_colors(own, sweep, rank);
+          }
+          lap.took(i);
+        }
+      }
+    });
+    if (copies_) sweep_blocks(arithmetic, rank, mine, lap);
+  }
+
+  Arithmetic arithmetic_of(int iteration) const {
+    if (options_.method == Method::pbd) return Arithmetic::pbd;
+    if (options_.method == Method::tled) return Arithmetic::force;
+    if (options_.iterations == 1) return Arithmetic::xpbd_only;
+    return iteration == 0 ? Arithmetic::xpbd_first : Arithmetic::xpbd_next;
+  }
+
   template <class Elements>
-  void sweep_colors(const Elements& elements, Sweep<T> sweep, const SweepFields<T>& fields) {
-    for (std::size_t color = 0; color + 1 < elements.color_begin.size(); ++color) {
-      parallel_ranges(
-          elements.color_begin[color], elements.color_begin[color + 1],
-          [&](int begin, int end) { sweep(elements.groups.data(), begin, end, fields); });
+  SweepFields<T> fields_of(Elements& own) {
+    return {program_.inverse_mass.data(),
+            u_.data(),
+            d_.data(),
+            constants_,
+            own.packed.multipliers.data(),
+            own.packed.memory.data()};
+  }
+
+  template <class Elements>
+  void sweep_colors(Elements& own, Sweep<T> sweep, int rank) {
+    const SweepFields<T> fields = fields_of(own);
+    for (const Range color : own.packed.colors) {
+      sweep(own.packed.groups.data(), part_of(color, rank, team_.size()), fields);
+      team_.barrier();
     }
   }
 
-  void push_contacts() {
-    for_each_contact([&]<class Effect>(const auto& device, std::vector<T>& depth) {
-      parallel_loop(0, n_, [&](int i) {
-        depth[i] = program_.inverse_mass[i] > T(0)
-                       ? Effect::push(device, program_.rest[i], u_[i], d_[i])
-                       : T(0);
-      });
+  // Jacobi: all elements from the same d, then each vertex sums what is its own, in a fixed order.
+  template <class Elements>
+  void gather_impulses(Elements& own, Sweep<T> sweep, int rank, Range mine) {
+    SweepFields<T> fields = fields_of(own);
+    fields.impulses = own.impulses.data();
+    const Range all{0, static_cast<int>(own.packed.groups.size())};
+    sweep(own.packed.groups.data(), part_of(all, rank, team_.size()), fields);
+    team_.barrier();
+    for (int i = mine.begin; i < mine.end; ++i) {
+      Vec3<T> sum;
+      for (const int slot : own.slots_of(i)) sum += own.impulses[slot];
+      d_[i] += (program_.inverse_mass[i] * constants_.dt2) * sum;
+    }
+    team_.barrier();
+  }
+
+  // Each thread sweeps its blocks, effect after effect, on their copies of the vertices.
+  void sweep_blocks(Arithmetic arithmetic, int rank, Range mine, Lap& lap) {
+    const Range blocks = part_of({0, layout_.blocks->count()}, rank, team_.size());
+    copies_->take(layout_.split->range_of(blocks), u_, d_);
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (Effect::kind == EffectKind::element) {
+        for (auto& own : std::get<i>(own_)) {
+          if (!own.in_blocks()) continue;
+          SweepFields<T> fields = fields_of(own);
+          copies_->use(fields);
+          for (const Range color : own.colors_of(blocks)) {
+            sweeps_[static_cast<int>(arithmetic)][i](own.packed.groups.data(), color, fields);
+          }
+          lap.took(i);
+        }
+      }
+    });
+    team_.barrier();
+    copies_->average(mine, d_);
+    team_.barrier();
+    lap.took(step_part);
+  }
+
+  void push_contacts(Range mine, const Step<T>& step) {
+    for_each_contact([&]<class Effect>(const auto& device, std::vector<Vec3<T>>& correction) {
+      for (int i = mine.begin; i < mine.end; ++i) {
+        correction[i] = {};
+        if (!(program_.inverse_mass[i] > T(0))) continue;
+        correction[i] = Effect::push(device, step, program_.rest[i], u_[i], d_[i]);
+        d_[i] += correction[i];
+      }
     });
   }
 
-  void rub_contacts() {
-    for_each_contact([&]<class Effect>(const auto& device, const std::vector<T>& depth) {
-      parallel_loop(0, n_, [&](int i) {
-        if (depth[i] > T(0)) Effect::rub(device, depth[i], d_[i]);
-      });
+  void rub_contacts(Range mine, const Step<T>& step) {
+    for_each_contact([&]<class Effect>(const auto& device, const std::vector<Vec3<T>>& correction) {
+      for (int i = mine.begin; i < mine.end; ++i) {
+        if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i]);
+      }
     });
   }
 
-  // function.operator()<Effect>(device, depth) for every contact effect that is on.
+  // function.operator()<Effect>(device, correction) for every contact effect that is on.
   template <class Function>
   void for_each_contact(Function&& function) {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::contact) {
-        if (const auto& effect = std::get<i>(program_.effects)) {
-          function.template operator()<Effect>(effect->device, std::get<i>(own_)->depth);
+        const auto& effects = std::get<i>(program_.effects);
+        for (std::size_t k = 0; k < effects.size(); ++k) {
+          function.template operator()<Effect>(effects[k].device, std::get<i>(own_)[k].correction);
         }
       }
     });
   }
 
-  void end() {
-    parallel_loop(0, n_, [&](int i) { end_vertex(d_[i], program_.dt, u_[i], v_[i]); });
+  void end(Range mine) {
+    const T dt = static_cast<T>(program_.dt);
+    for (int i = mine.begin; i < mine.end; ++i) end_vertex(d_[i], dt, u_[i], v_[i]);
   }
 
   template <class Effect>
   using Slot = OnCpu<Effect, T>;
 
-  XpbdProgram<T> program_;
+  Program<T> program_;
+  SolverOptions options_;
+  ElementLayout layout_;
+  SweepConstants<T> constants_;
   Effects::Slots<Slot> own_;
+  std::optional<VertexCopies<T>> copies_;  // block Gauss-Seidel only
   SweepTable<T> sweeps_ = best_sweeps<T>();
-  tbb::task_arena arena_;
+  Team team_;
+  Seconds seconds_{};
   int n_;
+  std::uint64_t step_ = 0;
   std::vector<Vec3<T>> u_, v_, d_;  // m, m/s, m over the substep; u and d with a spare vertex
 };
 
+void refuse(const char* field, const std::string& found, const char* allowed) {
+  throw Refusal(Refusal::Cause::scene, field, found, allowed);
+}
+
+void check_options(const Scene& scene, const SolverOptions& options) {
+  if (options.iterations < 1) {
+    refuse("iterations", std::to_string(options.iterations), "1 or more");
+  }
+  if (!(options.split >= 1.0)) refuse("split", std::to_string(options.split), "1 or more");
+  if (options.block_tets < 1) {
+    refuse("block_tets", std::to_string(options.block_tets), "1 or more");
+  }
+  if (!(options.stiffness >= 0.0 && options.stiffness <= 1.0)) {
+    refuse("stiffness", std::to_string(options.stiffness), "0 to 1");
+  }
+  if (options.method == Method::tled && options.iterations != 1) {
+    refuse("iterations", std::to_string(options.iterations), "1: TLED is explicit");
+  }
+  if (options.method != Method::pbd) return;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if (std::get<i>(scene.effects).empty() || is_projectable<Effect>) return;
+    throw Refusal(Refusal::Cause::scene, std::string("effects.") + Effect::name, "solver pbd",
+                  "effects whose constraints vanish at rest",
+                  "name distance, volume or shape_matching, or use solver xpbd");
+  });
+}
+
 }  // namespace
 
-std::unique_ptr<Solver> make_xpbd_cpu(const Model& model, const Scene& scene, Precision precision,
-                                      int threads) {
-  check_scene(scene);
-  if (precision == Precision::fp64) return std::make_unique<XpbdCpu<double>>(model, scene, threads);
-  return std::make_unique<XpbdCpu<float>>(model, scene, threads);
+std::unique_ptr<Solver> make_cpu(const Model& model, const Scene& scene,
+                                 const SolverOptions& options) {
+  check_options(scene, options);
+  if (options.precision == Precision::fp64) {
+    return std::make_unique<CpuSolver<double>>(model, scene, options);
+  }
+  return std::make_unique<CpuSolver<float>>(model, scene, options);
 }
 
 }  // namespace viscera::sim

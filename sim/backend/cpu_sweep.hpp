@@ -1,5 +1,5 @@
-// One Gauss-Seidel sweep over elements of one colour on the CPU, W at a time. Compiled once for the
-// baseline instruction set and once for AVX2; both give the same bits.
+// A sweep over elements on the CPU, W at a time. Compiled once for the baseline instruction set and
+// once for AVX2; both give the same bits.
 #pragma once
 
 #include <array>
@@ -8,21 +8,25 @@
 #include <vector>
 
 #include "sim/backend/pack.hpp"
+#include "sim/coloring.hpp"
 #include "sim/effects/list.hpp"
-#include "sim/solvers/xpbd.hpp"
+#include "sim/range.hpp"
+#include "sim/solvers/program.hpp"
 
 namespace viscera::sim {
 
 template <class T>
 inline constexpr int pack_width = Pack<T, 0>::width;
 
-// Elements in groups of W, a colour's last group filled up with elements on the vertex `spare`,
-// whose inverse mass is 0. Rest data is laid out lane by lane: the scalar Rest's numbers, each W
-// times.
+// Elements in groups of W, none of which share a vertex: of one colour. The last group of a colour
+// is filled up with elements on the vertex `spare`, whose inverse mass is 0. Numbers are laid out
+// lane by lane: each of a scalar Rest's W times.
 template <class Effect, class T>
 struct PackedElements {
   static constexpr int width = pack_width<T>;
   using Rest = typename Effect::template Rest<T>;
+  using Vertices = std::array<int, Effect::arity>;
+  static constexpr int rows = Effect::rows, memory_size = memory_of<Effect>;
   static constexpr std::size_t numbers = sizeof(Rest) / sizeof(T);
   static_assert(sizeof(Rest) == numbers * sizeof(T));
   struct alignas(32) Group {
@@ -30,49 +34,95 @@ struct PackedElements {
     int vertices[Effect::arity][width];
   };
   std::vector<Group> groups;
-  std::vector<int> color_begin;  // [colours + 1], in groups
+  std::vector<Range> colors;   // in groups
+  std::vector<T> multipliers;  // [groups * rows * W], where a substep has several iterations
+  std::vector<T> memory;       // [groups * memory_size * W]
+  std::vector<int> place;      // [elements] group * W + lane
 
-  PackedElements(const Prepared<Effect, T>& elements, int spare) {
-    for (std::size_t color = 0; color + 1 < elements.color_begin.size(); ++color) {
-      color_begin.push_back(static_cast<int>(groups.size()));
-      const int last = elements.color_begin[color + 1];
-      for (int e = elements.color_begin[color]; e < last; e += width) add(elements, e, last, spare);
+  // Appends the elements named, colour by colour. `vertices` are theirs, all in `range`; `rest` is
+  // that of all elements.
+  void append(std::span<const int> elements, const std::vector<Vertices>& vertices, Range range,
+              std::span<const Rest> rest, int spare) {
+    auto local = vertices;
+    for (auto& element : local) {
+      for (int& v : element) v -= range.begin;
     }
-    color_begin.push_back(static_cast<int>(groups.size()));
+    const Coloring coloring =
+        color_elements<Effect::arity>(std::span<const Vertices>(local), range.end - range.begin);
+    for (int color = 0; color < coloring.color_count(); ++color) {
+      const int first = static_cast<int>(groups.size());
+      const int last = coloring.color_begin[color + 1];
+      for (int at = coloring.color_begin[color]; at < last; at += width) {
+        add_group(std::span(coloring.order).subspan(at, std::min(width, last - at)), elements,
+                  vertices, rest, spare);
+      }
+      colors.push_back({first, static_cast<int>(groups.size())});
+    }
   }
 
  private:
-  void add(const Prepared<Effect, T>& elements, int first, int last, int spare) {
+  void add_group(std::span<const int> lanes, std::span<const int> elements,
+                 const std::vector<Vertices>& vertices, std::span<const Rest> rest, int spare) {
     Group& group = groups.emplace_back();
     for (int lane = 0; lane < width; ++lane) {
-      const int e = std::min(first + lane, last - 1);
-      std::array<T, numbers> rest;
-      std::memcpy(rest.data(), &elements.rest[e], sizeof(Rest));
-      for (std::size_t k = 0; k < numbers; ++k) group.rest[k][lane] = rest[k];
+      const bool filler = lane >= static_cast<int>(lanes.size());
+      const int at = filler ? lanes.back() : lanes[lane];
+      std::array<T, numbers> values;
+      std::memcpy(values.data(), &rest[elements[at]], sizeof(Rest));
+      for (std::size_t k = 0; k < numbers; ++k) group.rest[k][lane] = values[k];
       for (int i = 0; i < Effect::arity; ++i) {
-        group.vertices[i][lane] = first + lane < last ? elements.vertices[e][i] : spare;
+        group.vertices[i][lane] = filler ? spare : vertices[at][i];
       }
+      if (filler) continue;
+      const std::size_t element = elements[at];
+      if (place.size() <= element) place.resize(element + 1, -1);
+      place[element] = static_cast<int>(groups.size() - 1) * width + lane;
     }
   }
 };
 
-// What a sweep reads and writes. u and d in m, w in 1/kg, dt in s.
+// What a sweep reads and writes. u and d in m, w in 1/kg, dt in s. With `impulses` the results go
+// there, [groups * arity * W], and d stays as it is.
 template <class T>
 struct SweepFields {
   const T* inverse_mass;
   const Vec3<T>* u;
   Vec3<T>* d;
-  T dt;
+  SweepConstants<T> constants;
+  T* multipliers = nullptr;
+  T* memory = nullptr;
+  Vec3<T>* impulses = nullptr;
 };
 
-template <int isa, class Effect, class T>
-void sweep_group(const typename PackedElements<Effect, T>::Group& group, const SweepFields<T>& f) {
+template <class P, class T, int width>
+void load(const T (&from)[width], P& to) {
+  for (int lane = 0; lane < width; ++lane) to.lanes[lane] = from[lane];
+}
+
+// Calls work(values) on what a group keeps, `count` numbers a lane, and keeps what it leaves.
+template <int count, class P, class T, class Work>
+void with_kept(T* kept, int group, Work&& work) {
+  constexpr int width = P::width;
+  if constexpr (count == 0) {
+    work(static_cast<P*>(nullptr));
+  } else {
+    P values[count];
+    T* const own = kept + static_cast<std::size_t>(group) * count * width;
+    std::memcpy(static_cast<void*>(values), own, sizeof(values));
+    work(values);
+    std::memcpy(own, static_cast<const void*>(values), sizeof(values));
+  }
+}
+
+template <int isa, Arithmetic arithmetic, class Effect, class T>
+void sweep_group(const typename PackedElements<Effect, T>::Group& group, int index,
+                 const SweepFields<T>& f) {
   constexpr int width = pack_width<T>, arity = Effect::arity;
   using P = Pack<T, isa>;
   typename Effect::template Rest<P> rest;
   static_assert(sizeof(rest) == sizeof(group.rest));
   std::memcpy(static_cast<void*>(&rest), group.rest, sizeof(rest));
-  Vec3<P> u[arity], d[arity];
+  Vec3<P> u[arity], d[arity], p[arity];
   P mobility[arity];
   for (int i = 0; i < arity; ++i) {
     for (int lane = 0; lane < width; ++lane) {
@@ -81,32 +131,61 @@ void sweep_group(const typename PackedElements<Effect, T>::Group& group, const S
       d[i].x.lanes[lane] = f.d[v].x, d[i].y.lanes[lane] = f.d[v].y, d[i].z.lanes[lane] = f.d[v].z;
       mobility[i].lanes[lane] = f.inverse_mass[v];
     }
-    mobility[i] *= P(f.dt * f.dt);
+    mobility[i] *= P(f.constants.dt2);
   }
-  correct_element<Effect>(rest, mobility, u, d);
+  const SweepConstants<P> constants{P(f.constants.dt2), P(f.constants.split),
+                                    P(f.constants.stiffness)};
+  constexpr bool iterates =
+      arithmetic == Arithmetic::xpbd_first || arithmetic == Arithmetic::xpbd_next;
+  with_kept<iterates ? Effect::rows : 0, P>(f.multipliers, index, [&](P* multipliers) {
+    with_kept<memory_of<Effect>, P>(f.memory, index, [&](P* memory) {
+      element_impulses<Effect, arithmetic>(rest, mobility, constants, u, d, multipliers, memory, p);
+    });
+  });
   for (int i = 0; i < arity; ++i) {
+    if (!f.impulses) d[i] += mobility[i] * p[i];
+    const Vec3<P>& result = f.impulses ? p[i] : d[i];
     for (int lane = 0; lane < width; ++lane) {
-      f.d[group.vertices[i][lane]] = {d[i].x.lanes[lane], d[i].y.lanes[lane], d[i].z.lanes[lane]};
+      const Vec3<T> value{result.x.lanes[lane], result.y.lanes[lane], result.z.lanes[lane]};
+      if (f.impulses) {
+        f.impulses[(static_cast<std::size_t>(index) * arity + i) * width + lane] = value;
+      } else {
+        f.d[group.vertices[i][lane]] = value;
+      }
     }
   }
 }
 
 // Sweeps groups [begin, end) of one effect; the pointer is to PackedElements<Effect, T>::Group.
 template <class T>
-using Sweep = void (*)(const void* groups, int begin, int end, const SweepFields<T>& fields);
+using Sweep = void (*)(const void* groups, Range range, const SweepFields<T>& fields);
+// By arithmetic and effect; null for effects without elements.
 template <class T>
-using SweepTable = std::array<Sweep<T>, Effects::size>;  // null for effects without elements
+using SweepTable = std::array<std::array<Sweep<T>, Effects::size>, arithmetic_count>;
 
 enum Isa { baseline, avx2 };
+
+template <int isa, Arithmetic arithmetic, class Effect, class T>
+void sweep_groups(const void* groups, Range range, const SweepFields<T>& fields) {
+  const auto* group = static_cast<const typename PackedElements<Effect, T>::Group*>(groups);
+  for (int g = range.begin; g < range.end; ++g) {
+    sweep_group<isa, arithmetic, Effect, T>(group[g], g, fields);
+  }
+}
 
 template <int isa, class T>
 void fill_sweeps(SweepTable<T>& table) {
   Effects::for_each([&table]<class Effect, std::size_t i>() {
     if constexpr (Effect::kind == EffectKind::element) {
-      table[i] = [](const void* groups, int begin, int end, const SweepFields<T>& fields) {
-        const auto* group = static_cast<const typename PackedElements<Effect, T>::Group*>(groups);
-        for (int g = begin; g < end; ++g) sweep_group<isa, Effect, T>(group[g], fields);
+      using enum Arithmetic;
+      const auto fill = [&table]<Arithmetic arithmetic>() {
+        table[static_cast<int>(arithmetic)][i] = sweep_groups<isa, arithmetic, Effect, T>;
       };
+      fill.template operator()<xpbd_only>();
+      fill.template operator()<xpbd_first>();
+      fill.template operator()<xpbd_next>();
+      fill.template operator()<pbd>();
+      fill.template operator()<force>();
     }
   });
 }

@@ -6,9 +6,10 @@
 #include <algorithm>
 #include <type_traits>
 
-#include "sim/backend/backend.hpp"
+#include "sim/coloring.hpp"
 #include "sim/refusal.hpp"
-#include "sim/solvers/xpbd.hpp"
+#include "sim/solvers/make.hpp"
+#include "sim/solvers/program.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -80,7 +81,7 @@ __global__ void apply_force(int n, typename Effect::template Device<T> device, c
 template <class Effect, class T>
 __global__ void solve_color(int first, int last, const std::array<int, Effect::arity>* vertices,
                             const typename Effect::template Rest<T>* rest, const T* w,
-                            const Vec3<T>* u, Vec3<T>* d, T dt) {
+                            const Vec3<T>* u, Vec3<T>* d, T* memory, SweepConstants<T> constants) {
   const int e = first + global_thread();
   if (e >= last) return;
   constexpr int arity = Effect::arity;
@@ -90,29 +91,61 @@ __global__ void solve_color(int first, int last, const std::array<int, Effect::a
     const int v = vertices[e][i];
     local_u[i] = u[v];
     local_d[i] = d[v];
-    mobility[i] = w[v] * (dt * dt);
+    mobility[i] = w[v] * constants.dt2;
   }
-  correct_element<Effect>(rest[e], mobility, local_u, local_d);
-  for (int i = 0; i < arity; ++i) d[vertices[e][i]] = local_d[i];
+  constexpr int memory_size = memory_of<Effect>;
+  T own[memory_size > 0 ? memory_size : 1];
+  for (int k = 0; k < memory_size; ++k) own[k] = memory[memory_size * e + k];
+  Vec3<T> p[arity];
+  element_impulses<Effect, Arithmetic::xpbd_only>(rest[e], mobility, constants, local_u, local_d,
+                                                  static_cast<T*>(nullptr), own, p);
+  for (int k = 0; k < memory_size; ++k) memory[memory_size * e + k] = own[k];
+  for (int i = 0; i < arity; ++i) d[vertices[e][i]] = local_d[i] + mobility[i] * p[i];
+}
+
+// The substep that follows `done` ones. One graph is launched again and again: the count is on the
+// device, and the last kernel of a substep raises it.
+template <class T>
+__device__ Step<T> step_after(const unsigned long long* done, double dt) {
+  return {static_cast<T>(dt), static_cast<T>(static_cast<double>(*done + 1) * dt)};
+}
+
+template <class Effect, class T>
+__global__ void move(int count, const int* vertices, typename Effect::template Device<T> device,
+                     const Vec3<T>* rest, const Vec3<T>* u, Vec3<T>* d,
+                     const unsigned long long* done, double dt) {
+  const int k = global_thread();
+  if (k >= count) return;
+  const int i = vertices[k];
+  d[i] = Effect::target(device, rest[i], step_after<T>(done, dt).time) - u[i];
 }
 
 template <class Effect, class T>
 __global__ void push(int n, typename Effect::template Device<T> device, const T* w,
-                     const Vec3<T>* rest, const Vec3<T>* u, Vec3<T>* d, T* depth) {
+                     const Vec3<T>* rest, const Vec3<T>* u, Vec3<T>* d, Vec3<T>* correction,
+                     const unsigned long long* done, double dt) {
   const int i = global_thread();
-  if (i < n) depth[i] = w[i] > T(0) ? Effect::push(device, rest[i], u[i], d[i]) : T(0);
+  if (i >= n) return;
+  correction[i] =
+      w[i] > T(0) ? Effect::push(device, step_after<T>(done, dt), rest[i], u[i], d[i]) : Vec3<T>{};
+  d[i] += correction[i];
 }
 
 template <class Effect, class T>
-__global__ void rub(int n, typename Effect::template Device<T> device, const T* depth, Vec3<T>* d) {
+__global__ void rub(int n, typename Effect::template Device<T> device, const Vec3<T>* correction,
+                    const Vec3<T>* v, Vec3<T>* d, const unsigned long long* done, double dt) {
   const int i = global_thread();
-  if (i < n && depth[i] > T(0)) Effect::rub(device, depth[i], d[i]);
+  if (i < n && touches(correction[i])) {
+    Effect::rub(device, step_after<T>(done, dt), correction[i], v[i], d[i]);
+  }
 }
 
 template <class T>
-__global__ void end(int n, const Vec3<T>* d, T dt, Vec3<T>* u, Vec3<T>* v) {
+__global__ void end(int n, const Vec3<T>* d, T dt, Vec3<T>* u, Vec3<T>* v,
+                    unsigned long long* done) {
   const int i = global_thread();
   if (i < n) end_vertex(d[i], dt, u[i], v[i]);
+  if (i == 0) ++*done;
 }
 
 // What one effect keeps on the device.
@@ -126,27 +159,74 @@ struct OnDevice {  // force effects travel as kernel arguments
 template <class Effect, class T>
 struct OnDevice<Effect, T, EffectKind::contact> {
   typename Effect::template Device<T> device;
-  DeviceArray<T> depth;  // [n] m, corrected in this substep; 0: not in contact
+  DeviceArray<Vec3<T>> correction;  // [n] m, in this substep; 0: not in contact
 
   OnDevice(const Prepared<Effect, T>& host, int vertex_count)
-      : device(host.device), depth(vertex_count) {}
+      : device(host.device), correction(vertex_count) {}
+};
+
+template <class Effect, class T>
+struct OnDevice<Effect, T, EffectKind::motion> {
+  typename Effect::template Device<T> device;
+  DeviceArray<int> vertices;
+
+  OnDevice(const Prepared<Effect, T>& host, int) : device(host.device), vertices(host.vertices) {}
 };
 
 template <class Effect, class T>
 struct OnDevice<Effect, T, EffectKind::element> {
-  DeviceArray<std::array<int, Effect::arity>> vertices;
+  using Vertices = std::array<int, Effect::arity>;
+  Coloring coloring;
+  DeviceArray<Vertices> vertices;  // in order of colour
   DeviceArray<typename Effect::template Rest<T>> rest;
-  std::vector<int> color_begin;
+  DeviceArray<T> memory;
 
-  OnDevice(const Prepared<Effect, T>& host, int)
-      : vertices(host.vertices), rest(host.rest), color_begin(host.color_begin) {}
+  OnDevice(const Prepared<Effect, T>& host, int vertex_count)
+      : coloring(
+            color_elements<Effect::arity>(std::span<const Vertices>(host.vertices), vertex_count)),
+        vertices(ordered(host.vertices)),
+        rest(ordered(host.rest)),
+        memory(host.rest.size() * memory_of<Effect>) {}
+
+  template <class Item>
+  std::vector<Item> ordered(const std::vector<Item>& items) const {
+    std::vector<Item> result;
+    for (const int e : coloring.order) result.push_back(items[e]);
+    return result;
+  }
+
+  // What every element remembers, in the order of the host's elements.
+  void save_memory(std::vector<double>& all) const {
+    const std::vector<T> mine = memory.download();
+    const std::size_t begin = all.size();
+    all.resize(begin + mine.size());
+    for_each_number([&](std::size_t host, std::size_t here) { all[begin + host] = mine[here]; });
+  }
+  void load_memory(std::span<const double>& all) {
+    std::vector<T> mine(memory.size());
+    if (!all.empty()) {
+      for_each_number(
+          [&](std::size_t host, std::size_t here) { mine[here] = static_cast<T>(all[host]); });
+      all = all.subspan(mine.size());
+    }
+    memory.upload(mine);
+  }
+
+ private:
+  template <class Function>
+  void for_each_number(Function&& function) const {
+    constexpr int size = memory_of<Effect>;
+    for (std::size_t e = 0; e < coloring.order.size(); ++e) {
+      for (int k = 0; k < size; ++k) function(size * coloring.order[e] + k, size * e + k);
+    }
+  }
 };
 
 template <class T>
 class XpbdCuda final : public Solver {
  public:
   XpbdCuda(const Model& model, const Scene& scene, std::string name)
-      : XpbdCuda(XpbdProgram<T>(model, scene), std::move(name)) {}
+      : XpbdCuda(Program<T>(model, scene), std::move(name)) {}
 
   ~XpbdCuda() override {
     cudaGraphExecDestroy(graph_);
@@ -160,16 +240,24 @@ class XpbdCuda final : public Solver {
     check(cudaStreamSynchronize(stream_), "running a frame");
   }
   State state() const override {
-    return {cast_all<double>(u_.download()), cast_all<double>(v_.download())};
+    State state{cast_all<double>(u_.download()), cast_all<double>(v_.download()),
+                done_.download()[0]};
+    for_each_active<EffectKind::element>(
+        [&state]<class Effect>(const auto& effect) { effect.save_memory(state.memory); });
+    return state;
   }
   void set_state(const State& state) override {
     u_.upload(cast_all<T>(state.u));
     v_.upload(cast_all<T>(state.v));
+    done_.upload({state.step});
+    std::span<const double> memory = state.memory;
+    for_each_slot<EffectKind::element>(
+        effects_, [&memory]<class Effect>(auto& effect) { effect.load_memory(memory); });
   }
   std::size_t contact_count() const override {
     std::size_t count = 0;
     for_each_active<EffectKind::contact>([&count]<class Effect>(const auto& effect) {
-      count += std::ranges::count_if(effect.depth.download(), [](T depth) { return depth > T(0); });
+      count += std::ranges::count_if(effect.correction.download(), touches<T>);
     });
     return count;
   }
@@ -179,7 +267,7 @@ class XpbdCuda final : public Solver {
   template <class Effect>
   using Slot = OnDevice<Effect, T>;
 
-  XpbdCuda(const XpbdProgram<T>& program, std::string name)
+  XpbdCuda(const Program<T>& program, std::string name)
       : name_(std::move(name)),
         n_(static_cast<int>(program.rest.size())),
         dt_(program.dt),
@@ -188,10 +276,11 @@ class XpbdCuda final : public Solver {
         inverse_mass_(program.inverse_mass),
         u_(n_),
         v_(n_),
-        d_(n_) {
+        d_(n_),
+        done_(1) {
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      if (const auto& host = std::get<i>(program.effects)) {
-        std::get<i>(effects_).emplace(*host, n_);
+      for (const auto& host : std::get<i>(program.effects)) {
+        std::get<i>(effects_).emplace_back(host, n_);
       }
     });
     check(cudaStreamCreate(&stream_), "creating a stream");
@@ -199,9 +288,9 @@ class XpbdCuda final : public Solver {
   }
 
   // Refuses before the first allocation what will not fit.
-  static void require_memory(const XpbdProgram<T>& program) {
+  static void require_memory(const Program<T>& program) {
     std::size_t bytes = program.rest.size() * (4 * sizeof(Vec3<T>) + 2 * sizeof(T));
-    program.template for_each_active<EffectKind::element>([&]<class Effect>(const auto& effect) {
+    for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
       bytes += effect.rest.size() * (sizeof(effect.rest[0]) + sizeof(effect.vertices[0]));
     });
     std::size_t free_bytes = 0, total_bytes = 0;
@@ -226,30 +315,40 @@ class XpbdCuda final : public Solver {
   static int blocks(int threads) { return (threads + block_size - 1) / block_size; }
 
   void enqueue_substep() {
+    const T dt = static_cast<T>(dt_);
     begin<T>
-        <<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), v_.get(), d_.get(), dt_);
+        <<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), v_.get(), d_.get(), dt);
     for_each_active<EffectKind::force>([&]<class Effect>(const auto& effect) {
       apply_force<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), v_.get(), d_.get(), dt_);
+          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), v_.get(), d_.get(), dt);
+    });
+    for_each_active<EffectKind::motion>([&]<class Effect>(const auto& effect) {
+      const int count = effect.vertices.size();
+      if (count == 0) return;
+      move<Effect, T><<<blocks(count), block_size, 0, stream_>>>(
+          count, effect.vertices.get(), effect.device, rest_.get(), u_.get(), d_.get(), done_.get(),
+          dt_);
     });
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
       push<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
           n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), d_.get(),
-          effect.depth.get());
+          effect.correction.get(), done_.get(), dt_);
     });
     for_each_active<EffectKind::element>([&]<class Effect>(const auto& effect) {
-      for (std::size_t color = 0; color + 1 < effect.color_begin.size(); ++color) {
-        const int first = effect.color_begin[color], last = effect.color_begin[color + 1];
+      for (std::size_t color = 0; color + 1 < effect.coloring.color_begin.size(); ++color) {
+        const int first = effect.coloring.color_begin[color];
+        const int last = effect.coloring.color_begin[color + 1];
         solve_color<Effect, T><<<blocks(last - first), block_size, 0, stream_>>>(
             first, last, effect.vertices.get(), effect.rest.get(), inverse_mass_.get(), u_.get(),
-            d_.get(), dt_);
+            d_.get(), effect.memory.get(), SweepConstants<T>{dt * dt, T(1), T(1)});
       }
     });
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
-      rub<Effect, T>
-          <<<blocks(n_), block_size, 0, stream_>>>(n_, effect.device, effect.depth.get(), d_.get());
+      rub<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
+          n_, effect.device, effect.correction.get(), v_.get(), d_.get(), done_.get(), dt_);
     });
-    end<T><<<blocks(n_), block_size, 0, stream_>>>(n_, d_.get(), dt_, u_.get(), v_.get());
+    end<T>
+        <<<blocks(n_), block_size, 0, stream_>>>(n_, d_.get(), dt, u_.get(), v_.get(), done_.get());
     check(cudaGetLastError(), "launching a kernel");
   }
 
@@ -260,11 +359,12 @@ class XpbdCuda final : public Solver {
 
   std::string name_;
   int n_;
-  T dt_;
+  double dt_;  // s
   int substeps_;
   DeviceArray<Vec3<T>> rest_;
   DeviceArray<T> inverse_mass_;
   DeviceArray<Vec3<T>> u_, v_, d_;
+  DeviceArray<unsigned long long> done_;  // [1] substeps
   Effects::Slots<Slot> effects_;
   cudaStream_t stream_ = nullptr;
   cudaGraphExec_t graph_ = nullptr;
@@ -284,15 +384,20 @@ CudaDevice find_cuda_device() {
   return {.name = properties.name};
 }
 
-std::unique_ptr<Solver> make_xpbd_cuda(const Model& model, const Scene& scene,
-                                       Precision precision) {
+std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
+                                     const SolverOptions& options) {
   check_scene(scene);
   const CudaDevice device = find_cuda_device();
   if (!device.name) {
     throw Refusal(Refusal::Cause::device, "device", device.why_not, "a CUDA device and its driver",
                   "use device: cpu or auto");
   }
-  if (precision == Precision::fp64) {
+  if (options.method != Method::xpbd || options.scheme != Scheme::gauss_seidel ||
+      options.iterations != 1) {
+    throw Refusal(Refusal::Cause::device, "device", "cuda with this solver",
+                  "xpbd by gauss_seidel with one iteration a substep", "use device: cpu");
+  }
+  if (options.precision == Precision::fp64) {
     return std::make_unique<XpbdCuda<double>>(model, scene, *device.name);
   }
   return std::make_unique<XpbdCuda<float>>(model, scene, *device.name);

@@ -1,8 +1,8 @@
 // The registry: every effect there is, in the order in which a substep applies those of one kind.
 #pragma once
 
-#include <optional>
 #include <tuple>
+#include <vector>
 
 #include "sim/effects/gravity.hpp"
 #include "sim/effects/ground.hpp"
@@ -13,11 +13,12 @@ namespace viscera::sim {
 
 template <class... All>
 struct EffectList {
-  // What a scene names: parameters of the effects that are on.
-  using Choice = std::tuple<std::optional<typename All::Params>...>;
-  // A slot of `Data<Effect>` per effect, empty for those that are off.
+  // What a scene names: parameters of the effects that are on. An effect may be named several times
+  // (two springs, three colliders).
+  using Choice = std::tuple<std::vector<typename All::Params>...>;
+  // `Data<Effect>` for every time that the effect is named: none for those that are off.
   template <template <class> class Data>
-  using Slots = std::tuple<std::optional<Data<All>>...>;
+  using Slots = std::tuple<std::vector<Data<All>>...>;
 
   static constexpr std::size_t size = sizeof...(All);
 

@@ -24,6 +24,7 @@ struct NeoHookean {
   static constexpr EffectKind kind = EffectKind::element;
   static constexpr int arity = 4;
   static constexpr int rows = 2;
+  static constexpr bool projectable = false;  // C_D is not zero at rest
 
   struct Params {};
   static constexpr auto fields() { return std::tuple{}; }

@@ -46,7 +46,7 @@ struct Viscosity {
   // 2 eta dt V sum |b_i|^2 / m_i for the material's full eta; eta is lowered at rest above bound
   // / 3.
   static double explicit_number(const Model& model, std::size_t tet, double dt) {
-    const Material& material = model.material(tet);
+    const Material material = model.material(tet);
     const Mat3<double> b = transpose(model.rest_inverse[tet]);
     const Vec3<double> first = -(b.col[0] + b.col[1] + b.col[2]);
     const auto& [v0, v1, v2, v3] = model.tets[tet];
@@ -58,7 +58,7 @@ struct Viscosity {
 
   template <class T>
   static Rest<T> rest(const Model& model, std::size_t tet, const Params&, double dt) {
-    const Material& material = model.material(tet);
+    const Material material = model.material(tet);
     const double strength = 2.0 * lame(material).mu * material.damping * model.volume[tet] / dt;
     return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
             .strength = static_cast<T>(strength),

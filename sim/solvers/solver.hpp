@@ -2,6 +2,8 @@
 #pragma once
 
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "sim/state.hpp"
 
@@ -12,9 +14,13 @@ class Solver {
   virtual ~Solver() = default;
   virtual void advance_frame() = 0;  // one frame of `substeps` substeps
   virtual State state() const = 0;
+  // Takes a state up where it was left: the same bits follow as without the interruption.
   virtual void set_state(const State& state) = 0;
   virtual std::size_t contact_count() const = 0;  // vertices in contact at the end of the frame
   virtual std::string device() const = 0;         // "cpu, 2 threads", "cuda, NVIDIA H200"
+  // Seconds spent so far in each part of a step, by the effect's name; "step" for the rest. Empty
+  // where it is not measured.
+  virtual std::vector<std::pair<std::string, double>> seconds() const { return {}; }
 };
 
 }  // namespace viscera::sim

@@ -152,9 +152,11 @@ class SceneReader {
     }
     check_keys(node, "effects.", effect_names());
     sim::Effects::for_each([&]<class Effect, std::size_t i>() {
-      if (!node[Effect::name]) return;
-      auto& params = std::get<i>(file_.scene.effects).emplace();
-      read_fields<Effect>(node[Effect::name], params);
+      const YAML::Node named = node[Effect::name];
+      if (!named) return;
+      auto& all = std::get<i>(file_.scene.effects);
+      if (!named.IsSequence()) return read_fields<Effect>(named, all.emplace_back());
+      for (const auto& item : named) read_fields<Effect>(item, all.emplace_back());
     });
   }
 
@@ -291,7 +293,7 @@ std::vector<std::string> effect_names() {
 std::vector<std::string> effects_on(const sim::Scene& scene) {
   std::vector<std::string> names;
   sim::Effects::for_each([&]<class Effect, std::size_t i>() {
-    if (std::get<i>(scene.effects)) names.emplace_back(Effect::name);
+    if (!std::get<i>(scene.effects).empty()) names.emplace_back(Effect::name);
   });
   return names;
 }
@@ -306,11 +308,11 @@ Json to_json(const SceneFile& file) {
   }
   json["effects"] = Json::object();
   sim::Effects::for_each([&]<class Effect, std::size_t i>() {
-    const auto& params = std::get<i>(file.scene.effects);
-    if (!params) return;
-    Json& effect = json["effects"][Effect::name] = Json::object();
-    std::apply([&](const auto&... f) { ((effect[f.name] = field_json(f, *params)), ...); },
-               Effect::fields());
+    for (const auto& params : std::get<i>(file.scene.effects)) {
+      Json& effect = json["effects"][Effect::name].emplace_back(Json::object());
+      std::apply([&](const auto&... f) { ((effect[f.name] = field_json(f, params)), ...); },
+                 Effect::fields());
+    }
   });
   const auto& scene = file.scene;
   json["time"] = {

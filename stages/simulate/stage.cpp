@@ -10,8 +10,8 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
-#include "sim/backend/backend.hpp"
 #include "sim/refusal.hpp"
+#include "sim/solvers/make.hpp"
 #include "sim/stability.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
@@ -73,7 +73,8 @@ sim::Model model_of(const TetMesh& mesh, const SceneFile& file, const StageRun& 
   for (const auto& [x, y, z] : mesh.points) {
     points.push_back(mm_to_m * sim::Vec3<double>{x, y, z});
   }
-  return sim::make_model(points, mesh.tets, mesh.labels, materials_by_label(mesh, file, run));
+  return sim::make_model(points, mesh.tets, mesh.labels, materials_by_label(mesh, file, run),
+                         mesh.label_names);
 }
 
 // Metrics of a run on which a scene may set an expectation.
@@ -104,21 +105,20 @@ SceneFile scene_of(const StageRun& run) {
 
 std::unique_ptr<sim::Solver> solver_of(StageRun& run, const sim::Model& model,
                                        const sim::Scene& scene) {
-  const auto precision =
-      run.param<std::string>("precision") == "fp64" ? sim::Precision::fp64 : sim::Precision::fp32;
-  const auto on_cpu = [&] {
-    return sim::make_xpbd_cpu(model, scene, precision, run.param<int>("threads"));
-  };
+  sim::SolverOptions options;
+  if (run.param<std::string>("precision") == "fp64") options.precision = sim::Precision::fp64;
+  options.threads = run.param<int>("threads");
+  const auto on_cpu = [&] { return sim::make_on_cpu(model, scene, options); };
   const std::string device = run.param<std::string>("device");
   if (device == "cpu") return on_cpu();
-  if (device == "cuda") return sim::make_xpbd_cuda(model, scene, precision);
+  if (device == "cuda") return sim::make_on_cuda(model, scene, options);
   const auto cuda = sim::find_cuda_device();
   if (!cuda.name) {
     log::info("no CUDA device ({}): running on the CPU", cuda.why_not);
     return on_cpu();
   }
   try {
-    return sim::make_xpbd_cuda(model, scene, precision);
+    return sim::make_on_cuda(model, scene, options);
   } catch (const sim::Refusal& refusal) {
     log::warn("{} cannot be used ({}): running on the CPU", *cuda.name, refusal.found);
     run.set_uncacheable("device: auto fell back to the CPU although there is a CUDA device");
@@ -192,7 +192,7 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
 
 // The share of tets on which viscosity is lowered already at rest (effects/viscosity.hpp).
 void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& scene) {
-  if (!scene.params<sim::Viscosity>()) return;
+  if (!scene.has<sim::Viscosity>()) return;
   std::size_t lowered = 0;
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     const double number = sim::Viscosity::explicit_number(model, t, scene.time.substep_s());

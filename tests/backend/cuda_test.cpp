@@ -33,8 +33,8 @@ double largest_difference(const State& a, const State& b) {
 
 // Largest difference of displacement after `frames`, over the body's size.
 double disagreement(const Model& model, const Scene& scene, Precision precision, int frames) {
-  const auto cpu = make_xpbd_cpu(model, scene, precision, 0);
-  const auto cuda = make_xpbd_cuda(model, scene, precision);
+  const auto cpu = make_on_cpu(model, scene, {.precision = precision});
+  const auto cuda = make_on_cuda(model, scene, {.precision = precision});
   for (int frame = 0; frame < frames; ++frame) {
     cpu->advance_frame();
     cuda->advance_frame();
@@ -49,7 +49,7 @@ TEST_F(Cuda, EverySceneAgreesWithTheCpu) {
   for (const auto& [precision, limit] :
        {std::pair{Precision::fp64, 1e-9}, std::pair{Precision::fp32, 1e-4}}) {
     Scene falling = elastic_scene();
-    falling.params<Gravity>().emplace();
+    falling.params<Gravity>().emplace_back();
     EXPECT_LE(disagreement(model, falling, precision, 10), limit);
     EXPECT_LE(disagreement(model, drop_scene(), precision, 60), limit);
   }
@@ -61,7 +61,7 @@ TEST_F(Cuda, AHeldBarSagsAsOnTheCpu) {
     model.fixed[i] = model.rest[i].x + model.origin.x < 1e-9;
   }
   Scene scene = drop_scene();
-  scene.params<Ground>().reset();
+  scene.params<Ground>().clear();
   EXPECT_LE(disagreement(model, scene, Precision::fp64, 60), 1e-9);
   EXPECT_LE(disagreement(model, scene, Precision::fp32, 60), 1e-4);
 }
@@ -71,7 +71,7 @@ TEST_F(Cuda, TwoRunsGiveTheSameBits) {
   for (const Precision precision : {Precision::fp64, Precision::fp32}) {
     std::uint64_t hash[2];
     for (auto& h : hash) {
-      const auto solver = make_xpbd_cuda(model, drop_scene(), precision);
+      const auto solver = make_on_cuda(model, drop_scene(), {.precision = precision});
       for (int frame = 0; frame < 20; ++frame) solver->advance_frame();
       h = solver->state().hash();
     }
@@ -81,7 +81,7 @@ TEST_F(Cuda, TwoRunsGiveTheSameBits) {
 
 TEST_F(Cuda, ABodyWithoutForcesStaysStill) {
   const Model model = make_cube(4);
-  const auto solver = make_xpbd_cuda(model, elastic_scene(), Precision::fp32);
+  const auto solver = make_on_cuda(model, elastic_scene(), {.precision = Precision::fp32});
   for (int frame = 0; frame < 20; ++frame) solver->advance_frame();
   double largest = 0.0;
   for (const auto& u : solver->state().u) largest = std::max(largest, norm(u));
@@ -104,8 +104,8 @@ TEST_F(Cuda, ARealMeshAgreesWithTheCpu) {
   for (const Precision precision : {Precision::fp64, Precision::fp32}) {
     using Clock = std::chrono::steady_clock;
     constexpr int frames = 60;
-    const auto cpu = make_xpbd_cpu(model, file.scene, precision, 0);
-    const auto cuda = make_xpbd_cuda(model, file.scene, precision);
+    const auto cpu = make_on_cpu(model, file.scene, {.precision = precision});
+    const auto cuda = make_on_cuda(model, file.scene, {.precision = precision});
     cuda->advance_frame();
     cpu->advance_frame();
     const auto start = Clock::now();

@@ -1,5 +1,5 @@
 // The direction of dependency: stages -> sim and contract, engine -> contract, sim -> nothing but
-// the standard library (Eigen in the FEM solver, TBB and CUDA in its backends).
+// the standard library (Eigen in the FEM solver, CUDA in its backends).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -76,7 +76,7 @@ bool sim_may_use(const std::string& file, const std::string& header) {
   const bool standard = header.find_first_of("/.") == std::string::npos;
   if (standard) return true;
   if (file.starts_with("sim/backend/")) {
-    return starts_with_any(header, {"tbb/", "oneapi/", "cuda", "cooperative_groups", "cub/"});
+    return starts_with_any(header, {"cuda", "cooperative_groups", "cub/"});
   }
   return file.starts_with("sim/solvers/fem") && header.starts_with("Eigen/");
 }
@@ -105,13 +105,13 @@ TEST(Architecture, TheRulesNoticeAnArrowThatPointsTheWrongWay) {
   EXPECT_TRUE(refused("sim/model.cpp", "#include \"pipeline/contract/error.hpp\""));
   EXPECT_TRUE(refused("sim/model.cpp", "#include <vtkPolyData.h>"));
   EXPECT_TRUE(refused("sim/model.cpp", "#include <yaml-cpp/yaml.h>"));
-  EXPECT_TRUE(refused("sim/solvers/xpbd.hpp", "#include <tbb/parallel_for.h>"));
+  EXPECT_TRUE(refused("sim/solvers/program.hpp", "#include <cuda_runtime.h>"));
   EXPECT_TRUE(refused("pipeline/contract/log.cpp", "#include \"pipeline/engine/spec.hpp\""));
   EXPECT_TRUE(refused("pipeline/engine/spec.cpp", "#  include \"stages/common/tet_io.hpp\""));
   EXPECT_TRUE(refused("stages/labels/stage.cpp", "#include \"stages/surface/stage.hpp\""));
   EXPECT_TRUE(refused("stages/labels/stage.cpp", "#include \"pipeline/engine/spec.hpp\""));
   EXPECT_FALSE(refused("stages/simulate/stage.cpp", "#include \"sim/model.hpp\""));
-  EXPECT_FALSE(refused("sim/backend/cpu.cpp", "#include <tbb/parallel_for.h>"));
+  EXPECT_FALSE(refused("sim/backend/cuda.cu", "#include <cuda_runtime.h>"));
   EXPECT_FALSE(refused("sim/solvers/fem.cpp", "#include <Eigen/Sparse>"));
 }
 

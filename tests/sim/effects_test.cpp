@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <numeric>
 
 #include "sim/backend/cpu_sweep.hpp"
 #include "tests/sim/shapes.hpp"
@@ -10,10 +11,16 @@
 namespace viscera::sim {
 namespace {
 
+// Parameters with which an effect does something.
+template <class Effect>
+typename Effect::Params sample_params() {
+  return {};
+}
+
 template <class Effect>
 struct Sample {
   Model model = make_cube(1);
-  typename Effect::Params params{};
+  typename Effect::Params params = sample_params<Effect>();
   typename Effect::template Rest<double> rest =
       Effect::template rest<double>(model, 0, params, 1e-3);
   Vec3<double> u[Effect::arity], d[Effect::arity];
@@ -119,40 +126,55 @@ TEST(Effects, RigidMotionTurnsTheForcesAndChangesNothingElse) {
   });
 }
 
-// d after one sweep of all colours of an effect from random fields.
-template <class Effect, class T, class Solve>
-std::vector<Vec3<T>> swept(const Model& model, const Prepared<Effect, T>& elements, Solve&& solve) {
-  std::mt19937 generator(5);
-  const std::size_t n = model.vertex_count() + 1;  // and the spare vertex
-  std::vector<Vec3<T>> u(n), d(n);
-  std::vector<T> w(n, T(0));
-  for (std::size_t i = 0; i + 1 < n; ++i) {
-    u[i] = cast<T>(random_vector(generator, 2e-3));
-    d[i] = cast<T>(random_vector(generator, 1e-6));
-    w[i] = static_cast<T>(1.0 / model.mass[i]);
+// What a sweep of all elements of an effect starts from, and leaves.
+template <class T>
+struct SweepCase {
+  std::vector<Vec3<T>> u, d;  // and the spare vertex
+  std::vector<T> w;
+
+  explicit SweepCase(const Model& model) {
+    std::mt19937 generator(5);
+    for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+      u.push_back(cast<T>(random_vector(generator, 2e-3)));
+      d.push_back(cast<T>(random_vector(generator, 1e-6)));
+      w.push_back(static_cast<T>(1.0 / model.mass[i]));
+    }
+    u.emplace_back();
+    d.emplace_back();
+    w.push_back(T(0));
   }
-  solve(elements, SweepFields<T>{w.data(), u.data(), d.data(), T(2.6e-4)});
-  d.pop_back();
-  return d;
+  SweepFields<T> fields() {
+    constexpr T dt = T(2.6e-4);
+    return {w.data(), u.data(), d.data(), {dt * dt, T(1), T(0.5)}};
+  }
+};
+
+template <class Effect, class T, Arithmetic arithmetic>
+void sweep_one_by_one(const Prepared<Effect, T>& all, const SweepFields<T>& f, int vertex_count) {
+  constexpr int arity = Effect::arity;
+  using Vertices = std::array<int, arity>;
+  const Coloring coloring =
+      color_elements<arity>(std::span<const Vertices>(all.vertices), vertex_count);
+  for (const int e : coloring.order) {
+    Vec3<T> u[arity], d[arity], p[arity];
+    T mobility[arity], memory[memory_of<Effect> + 1] = {};
+    for (int i = 0; i < arity; ++i) {
+      u[i] = f.u[all.vertices[e][i]], d[i] = f.d[all.vertices[e][i]];
+      mobility[i] = f.inverse_mass[all.vertices[e][i]] * f.constants.dt2;
+    }
+    element_impulses<Effect, arithmetic>(all.rest[e], mobility, f.constants, u, d,
+                                         static_cast<T*>(nullptr), memory, p);
+    for (int i = 0; i < arity; ++i) f.d[all.vertices[e][i]] = d[i] + mobility[i] * p[i];
+  }
 }
 
-template <class Effect, class T>
+template <class Effect, class T, Arithmetic arithmetic>
 void check_sweeps(std::size_t index) {
   const Model model = make_cube(3);
-  const Prepared<Effect, T> elements(model, {}, 2.6e-4);
-  const auto one_by_one = [](const Prepared<Effect, T>& all, const SweepFields<T>& f) {
-    for (std::size_t e = 0; e < all.vertices.size(); ++e) {
-      Vec3<T> u[4], d[4];
-      T mobility[4];
-      for (int i = 0; i < 4; ++i) {
-        u[i] = f.u[all.vertices[e][i]], d[i] = f.d[all.vertices[e][i]];
-        mobility[i] = f.inverse_mass[all.vertices[e][i]] * (f.dt * f.dt);
-      }
-      correct_element<Effect>(all.rest[e], mobility, u, d);
-      for (int i = 0; i < 4; ++i) f.d[all.vertices[e][i]] = d[i];
-    }
-  };
-  const auto expected = swept<Effect, T>(model, elements, one_by_one);
+  const int n = static_cast<int>(model.vertex_count());
+  const Prepared<Effect, T> elements(model, sample_params<Effect>(), 2.6e-4);
+  SweepCase<T> expected(model);
+  sweep_one_by_one<Effect, T, arithmetic>(elements, expected.fields(), n);
   std::tuple<SweepTable<float>, SweepTable<double>> baseline{}, widest{};
   fill_sweeps_baseline(std::get<0>(baseline), std::get<1>(baseline));
   widest = baseline;
@@ -160,21 +182,29 @@ void check_sweeps(std::size_t index) {
   if (__builtin_cpu_supports("avx2")) fill_sweeps_avx2(std::get<0>(widest), std::get<1>(widest));
 #endif
   for (const auto* tables : {&baseline, &widest}) {
-    const Sweep<T> sweep = std::get<SweepTable<T>>(*tables)[index];
-    const auto d = swept<Effect, T>(
-        model, elements, [&](const Prepared<Effect, T>& all, const SweepFields<T>& fields) {
-          const PackedElements<Effect, T> packed(all, static_cast<int>(model.vertex_count()));
-          sweep(packed.groups.data(), 0, static_cast<int>(packed.groups.size()), fields);
-        });
-    EXPECT_EQ(std::memcmp(d.data(), expected.data(), d.size() * sizeof(d[0])), 0) << Effect::name;
+    SweepCase<T> found(model);
+    PackedElements<Effect, T> packed;
+    std::vector<int> all(elements.vertices.size());
+    std::iota(all.begin(), all.end(), 0);
+    packed.append(all, elements.vertices, {0, n}, elements.rest, n);
+    packed.memory.resize(packed.groups.size() * packed.memory_size * packed.width);
+    SweepFields<T> fields = found.fields();
+    fields.memory = packed.memory.data();
+    std::get<SweepTable<T>>(*tables)[static_cast<int>(arithmetic)][index](
+        packed.groups.data(), {0, static_cast<int>(packed.groups.size())}, fields);
+    EXPECT_EQ(std::memcmp(found.d.data(), expected.d.data(), n * sizeof(Vec3<T>)), 0)
+        << Effect::name << ", arithmetic " << static_cast<int>(arithmetic);
   }
 }
 
 TEST(Effects, EveryInstructionSetGivesTheBitsOfTheScalarCode) {
   Effects::for_each([]<class Effect, std::size_t i>() {
     if constexpr (Effect::kind == EffectKind::element) {
-      check_sweeps<Effect, float>(i);
-      check_sweeps<Effect, double>(i);
+      using enum Arithmetic;
+      check_sweeps<Effect, float, xpbd_only>(i);
+      check_sweeps<Effect, double, xpbd_only>(i);
+      check_sweeps<Effect, float, pbd>(i);
+      check_sweeps<Effect, double, force>(i);
     }
   });
 }

@@ -3,8 +3,8 @@
 
 #include <random>
 
-#include "sim/backend/backend.hpp"
 #include "sim/diagnostics.hpp"
+#include "sim/solvers/make.hpp"
 
 namespace viscera::sim {
 
@@ -71,16 +71,16 @@ inline Model make_cube(int cells, const Material& material = soft_tissue, double
 
 inline Scene elastic_scene() {
   Scene scene;
-  scene.params<NeoHookean>().emplace();
+  scene.params<NeoHookean>().emplace_back();
   return scene;
 }
 
 // A body above the ground with every effect on.
 inline Scene drop_scene() {
   Scene scene = elastic_scene();
-  scene.params<Viscosity>().emplace();
-  scene.params<Gravity>().emplace();
-  scene.params<Ground>().emplace();
+  scene.params<Viscosity>().emplace_back();
+  scene.params<Gravity>().emplace_back();
+  scene.params<Ground>().emplace_back();
   return scene;
 }
 

@@ -6,7 +6,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/digest.hpp"
-#include "sim/backend/backend.hpp"
+#include "sim/solvers/make.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
 #include "stages/simulate/stage.hpp"

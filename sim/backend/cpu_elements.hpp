@@ -1,0 +1,201 @@
+// The elements of one effect on the CPU, laid out for a scheme: by colour, by block, or with a
+// place for every impulse that its vertices gather.
+#pragma once
+
+#include <numeric>
+#include <optional>
+
+#include "sim/backend/cpu_sweep.hpp"
+#include "sim/partition.hpp"
+#include "sim/solvers/options.hpp"
+
+namespace viscera::sim {
+
+// What all effects of a run share.
+struct ElementLayout {
+  int vertices;  // the spare vertex has this number
+  Scheme scheme;
+  bool iterates;                 // several iterations a substep: multipliers are kept
+  std::optional<Blocks> blocks;  // block Gauss-Seidel only
+  std::optional<SplitVertices> split;
+
+  template <class T>
+  ElementLayout(const Model& model, const Program<T>& program, const SolverOptions& options)
+      : vertices(static_cast<int>(model.vertex_count())),
+        scheme(options.method == Method::tled ? Scheme::gauss_seidel : options.scheme),
+        iterates(options.method == Method::xpbd && options.iterations > 1) {
+    if (scheme != Scheme::block_gauss_seidel) return;
+    blocks.emplace(model, options.block_tets);
+    split.emplace(blocks->count(), model.vertex_count());
+    for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
+      if (Effect::rows == 0) return;
+      for (const auto& vertices_of : effect.vertices) {
+        split->touch(blocks->block_of(vertices_of), vertices_of);
+      }
+    });
+    split->number_copies();
+  }
+};
+
+template <class Effect, class T>
+struct CpuElements {
+  using Packed = PackedElements<Effect, T>;
+  Packed packed;
+  std::vector<Vec3<T>> impulses;  // Jacobi only: [groups * arity * W] N
+
+  CpuElements(const Prepared<Effect, T>& elements, const ElementLayout& layout) {
+    // A force is taken in full: its stability is that of one element after the other.
+    const Scheme scheme = Effect::rows > 0 ? layout.scheme : Scheme::gauss_seidel;
+    if (scheme == Scheme::block_gauss_seidel) {
+      lay_out_blocks(elements, layout);
+    } else {
+      std::vector<int> all(elements.vertices.size());
+      std::iota(all.begin(), all.end(), 0);
+      packed.append(all, elements.vertices, {0, layout.vertices}, elements.rest, layout.vertices);
+    }
+    const std::size_t lanes = packed.groups.size() * Packed::width;
+    if (layout.iterates) packed.multipliers.resize(lanes * Effect::rows);
+    packed.memory.resize(lanes * Packed::memory_size);
+    if (scheme == Scheme::jacobi) lay_out_slots(layout);
+  }
+
+  bool in_blocks() const { return !block_colors_.empty(); }
+  bool gathers() const { return !impulses.empty(); }
+
+  // The colours of blocks [begin, end), block after block.
+  std::span<const Range> colors_of(Range blocks) const {
+    return {packed.colors.data() + block_colors_[blocks.begin],
+            packed.colors.data() + block_colors_[blocks.end]};
+  }
+  // Where the impulses on a vertex are.
+  std::span<const int> slots_of(int vertex) const {
+    return {slots_.data() + slots_begin_[vertex], slots_.data() + slots_begin_[vertex + 1]};
+  }
+
+  // Appends what every element remembers, in the order of the elements.
+  void save_memory(std::vector<double>& memory) const {
+    for (const int place : packed.place) {
+      for (int k = 0; k < Packed::memory_size; ++k) memory.push_back(packed.memory[at(place, k)]);
+    }
+  }
+  // Takes its own from the front of `memory`; an empty one stands for zeros.
+  void load_memory(std::span<const double>& memory) {
+    const std::size_t own = packed.place.size() * Packed::memory_size;
+    const bool virgin = memory.empty();
+    for (std::size_t e = 0; e < packed.place.size(); ++e) {
+      for (int k = 0; k < Packed::memory_size; ++k) {
+        packed.memory[at(packed.place[e], k)] =
+            virgin ? T(0) : static_cast<T>(memory[e * Packed::memory_size + k]);
+      }
+    }
+    if (!virgin) memory = memory.subspan(own);
+  }
+
+ private:
+  static std::size_t at(int place, int number) {
+    const std::size_t group = place / Packed::width, lane = place % Packed::width;
+    return (group * Packed::memory_size + number) * Packed::width + lane;
+  }
+
+  void lay_out_blocks(const Prepared<Effect, T>& elements, const ElementLayout& layout) {
+    std::vector<std::vector<int>> members(layout.blocks->count());
+    for (std::size_t e = 0; e < elements.vertices.size(); ++e) {
+      members[layout.blocks->block_of(elements.vertices[e])].push_back(static_cast<int>(e));
+    }
+    for (int block = 0; block < layout.blocks->count(); ++block) {
+      block_colors_.push_back(static_cast<int>(packed.colors.size()));
+      std::vector<typename Packed::Vertices> copies;
+      for (const int e : members[block]) {
+        auto& element = copies.emplace_back(elements.vertices[e]);
+        for (int& v : element) v = layout.split->copy_of(block, v);
+      }
+      packed.append(members[block], copies, layout.split->range_of({block, block + 1}),
+                    elements.rest, layout.split->count());
+    }
+    block_colors_.push_back(static_cast<int>(packed.colors.size()));
+  }
+
+  void lay_out_slots(const ElementLayout& layout) {
+    constexpr int width = Packed::width, arity = Effect::arity;
+    impulses.resize(packed.groups.size() * arity * width);
+    const auto for_each_slot_of_group = [this](auto&& function) {
+      for (std::size_t g = 0; g < packed.groups.size(); ++g) {
+        for (int i = 0; i < arity; ++i) {
+          for (int lane = 0; lane < width; ++lane) {
+            function(packed.groups[g].vertices[i][lane],
+                     static_cast<int>((g * arity + i) * width) + lane);
+          }
+        }
+      }
+    };
+    slots_begin_.assign(layout.vertices + 2, 0);  // the spare vertex gathers what nobody reads
+    for_each_slot_of_group([this](int vertex, int) { ++slots_begin_[vertex + 1]; });
+    std::partial_sum(slots_begin_.begin(), slots_begin_.end(), slots_begin_.begin());
+    slots_.resize(impulses.size());
+    auto next = slots_begin_;
+    for_each_slot_of_group([&](int vertex, int slot) { slots_[next[vertex]++] = slot; });
+  }
+
+  std::vector<int> block_colors_;  // [blocks + 1], block Gauss-Seidel only
+  std::vector<int> slots_, slots_begin_;
+};
+
+// The copies of the vertices that blocks work on.
+template <class T>
+class VertexCopies {
+ public:
+  VertexCopies(const SplitVertices& split, const std::vector<T>& inverse_mass)
+      : split_(split), u_(split.count() + 1), d_(split.count() + 1), inverse_mass_(split.count()) {
+    for (int copy = 0; copy < split.count(); ++copy) {
+      const int v = split.vertex_of(copy);
+      inverse_mass_[copy] = static_cast<T>(split.copies_of(v).size()) * inverse_mass[v];
+    }
+    inverse_mass_.push_back(T(0));  // the spare vertex
+  }
+
+  void take(Range copies, const std::vector<Vec3<T>>& u, const std::vector<Vec3<T>>& d) {
+    for (int copy = copies.begin; copy < copies.end; ++copy) {
+      u_[copy] = u[split_.vertex_of(copy)];
+      d_[copy] = d[split_.vertex_of(copy)];
+    }
+  }
+  void use(SweepFields<T>& fields) {
+    fields.inverse_mass = inverse_mass_.data();
+    fields.u = u_.data();
+    fields.d = d_.data();
+  }
+  void average(Range vertices, std::vector<Vec3<T>>& d) const {
+    for (int v = vertices.begin; v < vertices.end; ++v) {
+      const auto copies = split_.copies_of(v);
+      if (copies.empty()) continue;
+      Vec3<T> sum;
+      for (const int copy : copies) sum += d_[copy];
+      d[v] = (T(1) / static_cast<T>(copies.size())) * sum;
+    }
+  }
+
+ private:
+  const SplitVertices& split_;
+  std::vector<Vec3<T>> u_, d_;
+  std::vector<T> inverse_mass_;
+};
+
+// With the widest instructions that this machine has; the results do not depend on it.
+template <class T>
+const SweepTable<T>& best_sweeps() {
+  static const auto tables = [] {
+    std::tuple<SweepTable<float>, SweepTable<double>> both{};
+    auto& [table32, table64] = both;
+#if defined(VISCERA_AVX2)
+    if (__builtin_cpu_supports("avx2")) {
+      fill_sweeps_avx2(table32, table64);
+      return both;
+    }
+#endif
+    fill_sweeps_baseline(table32, table64);
+    return both;
+  }();
+  return std::get<SweepTable<T>>(tables);
+}
+
+}  // namespace viscera::sim

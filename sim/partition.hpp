@@ -1,0 +1,62 @@
+// Blocks of elements near one another, and a copy of every vertex for each block that touches it:
+// blocks are solved side by side, then the copies of a vertex are averaged. A copy has its share of
+// the vertex's mass, so that momentum is kept (Tonge et al., "Mass Splitting for Jitter-Free
+// Parallel Rigid Body Simulation", SIGGRAPH 2012).
+#pragma once
+
+#include <span>
+
+#include "sim/model.hpp"
+#include "sim/range.hpp"
+
+namespace viscera::sim {
+
+class Blocks {
+ public:
+  // Tets in the order of a Morton curve through their centroids, `tets_per_block` at a time.
+  Blocks(const Model& model, int tets_per_block);
+
+  int count() const { return static_cast<int>(first_code_.size()); }
+  // The block of an element: that of the tets around its centroid.
+  int block_of(std::span<const int> vertices) const;
+
+ private:
+  std::uint64_t code_of(std::span<const int> vertices) const;
+
+  const Model& model_;
+  Vec3<double> low_;
+  double scale_;                           // Morton cells a metre
+  std::vector<std::uint64_t> first_code_;  // of each block
+};
+
+class SplitVertices {
+ public:
+  SplitVertices(int block_count, std::size_t vertex_count)
+      : touched_(block_count), copies_begin_(vertex_count + 1) {}
+
+  void touch(int block, std::span<const int> vertices) {
+    touched_[block].insert(touched_[block].end(), vertices.begin(), vertices.end());
+  }
+  void number_copies();  // after the last touch
+
+  int copy_of(int block, int vertex) const;
+  // The copies of blocks [begin, end).
+  Range range_of(Range blocks) const {
+    return {block_begin_[blocks.begin], block_begin_[blocks.end]};
+  }
+  int count() const { return static_cast<int>(vertex_of_.size()); }
+  int vertex_of(int copy) const { return vertex_of_[copy]; }
+  // The copies of a vertex, in the order of their blocks.
+  std::span<const int> copies_of(int vertex) const {
+    return {copies_.data() + copies_begin_[vertex],
+            static_cast<std::size_t>(copies_begin_[vertex + 1] - copies_begin_[vertex])};
+  }
+
+ private:
+  std::vector<std::vector<int>> touched_;  // [blocks] vertices, ascending
+  std::vector<int> block_begin_;           // [blocks + 1] first copy
+  std::vector<int> vertex_of_;             // [copies]
+  std::vector<int> copies_, copies_begin_;
+};
+
+}  // namespace viscera::sim

@@ -1,0 +1,196 @@
+// The arithmetic of one element under each method, which all backends call: the impulses (force
+// over the substep, N) on its vertices, from which d_i += dt^2 / m_i p_i.
+//
+//   xpbd    (A + diag(alpha/dt^2)) dlambda = -C - alpha/dt^2 lambda,   p = sum dlambda grad C
+//           Macklin et al., "XPBD" (MIG 2016), equation 18, for all rows of the element at once
+//   pbd     s_p = -k C_p / A_pp row after row (Müller et al., "Position Based Dynamics", 2007,
+//           equation 9): no compliance, so the result depends on the number of iterations
+//   force   p = -sum k C grad C at the start of the substep: explicit dynamics
+//
+// With A_ab = sum_i dt^2/m_i g_a . g_b and S = diag(k): the equations are divided by the compliance
+// alpha = 1/k. Every term has no dimension, so neither tiny nor huge bodies over- or underflow, and
+// no epsilon is needed.
+#pragma once
+
+#include "sim/effects/effect.hpp"
+
+namespace viscera::sim {
+
+enum class Arithmetic {
+  xpbd_only,   // the only iteration of a substep: multipliers start from zero, none is stored
+  xpbd_first,  // the first of several: stores them
+  xpbd_next,   // a later one: goes on from them
+  pbd,
+  force,
+};
+inline constexpr int arithmetic_count = 5;
+
+// What stays the same for all elements of a sweep.
+template <class T>
+struct SweepConstants {
+  T dt2;        // s2
+  T split;      // the factor on A: 1 but for Jacobi
+  T stiffness;  // PBD's k
+};
+
+// (I + A S) y = -c for symmetric positive semi-definite A and positive S. One or two rows in closed
+// form; more by Cholesky of I + s A s with s = sqrt(S).
+template <class T>
+SIM_HD void solve_rows(const T (&a)[1][1], const T (&k)[1], const T (&c)[1], T (&y)[1]) {
+  y[0] = -c[0] / (T(1) + a[0][0] * k[0]);
+}
+template <class T>
+SIM_HD void solve_rows(const T (&a)[2][2], const T (&k)[2], const T (&c)[2], T (&y)[2]) {
+  const T a00 = a[0][0] * k[0], a01 = a[0][1] * k[1], a10 = a[1][0] * k[0], a11 = a[1][1] * k[1];
+  // A is positive semi-definite, so its scaled determinant is not negative but for rounding.
+  const T product = a00 * a11 - a01 * a10;
+  const T determinant = T(1) + a00 + a11 + select(product > T(0), product, T(0));
+  const T scale = T(-1) / determinant;
+  y[0] = scale * ((T(1) + a11) * c[0] - a01 * c[1]);
+  y[1] = scale * ((T(1) + a00) * c[1] - a10 * c[0]);
+}
+template <class T, int rows>
+SIM_HD void solve_rows(const T (&a)[rows][rows], const T (&k)[rows], const T (&c)[rows],
+                       T (&y)[rows]) {
+  T s[rows], l[rows][rows], z[rows];  // L L^T = I + s A s, y = z / s with L L^T z = -s c
+  for (int p = 0; p < rows; ++p) s[p] = square_root(k[p]);
+  for (int p = 0; p < rows; ++p) {
+    for (int q = 0; q <= p; ++q) {
+      T sum = s[p] * a[p][q] * s[q] + (p == q ? T(1) : T(0));
+      for (int r = 0; r < q; ++r) sum -= l[p][r] * l[q][r];
+      l[p][q] = p == q ? square_root(sum) : sum / l[q][q];
+    }
+  }
+  for (int p = 0; p < rows; ++p) {
+    T sum = -(s[p] * c[p]);
+    for (int q = 0; q < p; ++q) sum -= l[p][q] * z[q];
+    z[p] = sum / l[p][p];
+  }
+  for (int p = rows - 1; p >= 0; --p) {
+    T sum = z[p];
+    for (int q = p + 1; q < rows; ++q) sum -= l[q][p] * z[q];
+    z[p] = sum / l[p][p];
+    y[p] = select(s[p] > T(0), z[p] / s[p], T(0));
+  }
+}
+
+// A in the metric of `mobility`, dt^2 / m by vertex.
+template <class T, int rows, int arity>
+SIM_HD void couple_rows(const Evaluation<T, rows, arity>& c, const T (&mobility)[arity],
+                        T (&a)[rows][rows]) {
+  for (int p = 0; p < rows; ++p) {
+    for (int q = 0; q <= p; ++q) {
+      T sum = T(0);
+      for (int i = 0; i < arity; ++i) sum += mobility[i] * dot(c.gradient[p][i], c.gradient[q][i]);
+      a[p][q] = sum;
+      a[q][p] = sum;
+    }
+  }
+}
+
+// p += sum_rows weight grad C
+template <class T, int rows, int arity>
+SIM_HD void add_gradients(const Evaluation<T, rows, arity>& c, const T (&weight)[rows],
+                          Vec3<T> (&p)[arity]) {
+  for (int row = 0; row < rows; ++row) {
+    for (int i = 0; i < arity; ++i) p[i] += weight[row] * c.gradient[row][i];
+  }
+}
+
+// From zero multipliers: the preload, and the multipliers that it leaves to be found.
+template <class T, int rows, int arity>
+SIM_HD void xpbd_from_zero(const Evaluation<T, rows, arity>& c, const T (&mobility)[arity],
+                           T (&weight)[rows], Vec3<T> (&p)[arity]) {
+  T a[rows][rows], residual[rows], y[rows];
+  couple_rows(c, mobility, a);
+  for (int row = 0; row < rows; ++row) {
+    residual[row] = c.remainder[row];
+    for (int i = 0; i < arity; ++i) {
+      residual[row] += mobility[i] * dot(c.gradient[row][i], c.preload[i]);
+    }
+  }
+  solve_rows(a, c.stiffness, residual, y);
+  for (int row = 0; row < rows; ++row) weight[row] = c.stiffness[row] * y[row];
+  for (int i = 0; i < arity; ++i) p[i] = c.preload[i];
+  add_gradients(c, weight, p);
+}
+
+// `multipliers` are those of this substep so far (J per unit of C); read and written by the
+// iterations that need them.
+template <Arithmetic arithmetic, class T, int rows, int arity>
+SIM_HD void impulses_of(const Evaluation<T, rows, arity>& c, const T (&mobility)[arity], T split,
+                        T pbd_stiffness, T* multipliers, Vec3<T> (&p)[arity]) {
+  T scaled[arity], weight[rows];
+  for (int i = 0; i < arity; ++i) scaled[i] = split * mobility[i];
+  if constexpr (arithmetic == Arithmetic::force) {
+    for (int row = 0; row < rows; ++row) weight[row] = -(c.stiffness[row] * c.remainder[row]);
+    for (int i = 0; i < arity; ++i) p[i] = c.preload[i];
+    add_gradients(c, weight, p);
+  } else if constexpr (arithmetic == Arithmetic::pbd) {
+    T a[rows][rows];
+    couple_rows(c, scaled, a);
+    for (int row = 0; row < rows; ++row) {
+      T error = c.value[row];
+      for (int q = 0; q < row; ++q) error += a[row][q] * weight[q];
+      weight[row] = select(a[row][row] > T(0), -(pbd_stiffness * error) / a[row][row], T(0));
+    }
+    for (int i = 0; i < arity; ++i) p[i] = Vec3<T>{};
+    add_gradients(c, weight, p);
+  } else if constexpr (arithmetic == Arithmetic::xpbd_next) {
+    T a[rows][rows], residual[rows], y[rows];
+    couple_rows(c, scaled, a);
+    for (int row = 0; row < rows; ++row) {
+      const T k = c.stiffness[row];
+      residual[row] = c.value[row] + select(k > T(0), multipliers[row] / k, T(0));
+    }
+    solve_rows(a, c.stiffness, residual, y);
+    for (int row = 0; row < rows; ++row) {
+      weight[row] = c.stiffness[row] * y[row];
+      multipliers[row] += weight[row];
+    }
+    for (int i = 0; i < arity; ++i) p[i] = Vec3<T>{};
+    add_gradients(c, weight, p);
+  } else {
+    xpbd_from_zero(c, scaled, weight, p);
+    if constexpr (arithmetic == Arithmetic::xpbd_first) {
+      for (int row = 0; row < rows; ++row) {
+        multipliers[row] = c.stiffness[row] * (c.remainder[row] - c.value[row]) + weight[row];
+      }
+    }
+  }
+}
+
+// The impulses of one element. `memory` is what an effect with a history keeps of it.
+template <class Effect, Arithmetic arithmetic, class T, int arity = Effect::arity>
+SIM_HD void element_impulses(const typename Effect::template Rest<T>& rest,
+                             const T (&mobility)[arity], const SweepConstants<T>& constants,
+                             const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity], T* multipliers,
+                             T* memory, Vec3<T> (&p)[arity]) {
+  Evaluation<T, Effect::rows, arity> c;
+  constexpr bool at_start = arithmetic == Arithmetic::force && Effect::rows > 0;
+  const Vec3<T> none[arity] = {};
+  if constexpr (memory_of < Effect >> 0) {
+    if constexpr (arithmetic != Arithmetic::xpbd_next) Effect::remember(rest, u, memory);
+    Effect::evaluate(rest, memory, u, at_start ? none : d, c);
+  } else {
+    Effect::evaluate(rest, u, at_start ? none : d, c);
+  }
+  if constexpr (Effect::rows > 0) {
+    impulses_of<arithmetic>(c, mobility, constants.split, constants.stiffness, multipliers, p);
+  } else {
+    for (int i = 0; i < arity; ++i) p[i] = c.preload[i];
+  }
+}
+
+// A fixed vertex has inverse mass 0 and stays where it is.
+template <class T>
+SIM_HD Vec3<T> begin_vertex(T w, const Vec3<T>& v, T dt) {
+  return w > T(0) ? dt * v : Vec3<T>{};
+}
+template <class T>
+SIM_HD void end_vertex(const Vec3<T>& d, T dt, Vec3<T>& u, Vec3<T>& v) {
+  u += d;
+  v = (T(1) / dt) * d;
+}
+
+}  // namespace viscera::sim

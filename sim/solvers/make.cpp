@@ -1,0 +1,15 @@
+#include "sim/solvers/make.hpp"
+
+#include "sim/backend/cpu.hpp"
+#include "sim/solvers/fem.hpp"
+
+namespace viscera::sim {
+
+std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
+                                    const SolverOptions& options) {
+  check_scene(scene);
+  if (options.method == Method::fem) return make_fem(model, scene, options);
+  return make_cpu(model, scene, options);
+}
+
+}  // namespace viscera::sim

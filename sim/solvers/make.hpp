@@ -1,0 +1,31 @@
+// Every solver there is, by method and device.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "sim/model.hpp"
+#include "sim/scene.hpp"
+#include "sim/solvers/options.hpp"
+#include "sim/solvers/solver.hpp"
+
+namespace viscera::sim {
+
+// Throws Refusal(scene) for a combination of effects, method and options that does not exist.
+std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
+                                    const SolverOptions& options);
+
+// Throws Refusal(device) when there is no usable device, its memory does not suffice, or it is
+// lost; Refusal(scene) as above.
+std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
+                                     const SolverOptions& options);
+
+// The name of the device that make_on_cuda would use, or why there is none.
+struct CudaDevice {
+  std::optional<std::string> name;
+  std::string why_not;
+};
+CudaDevice find_cuda_device();
+
+}  // namespace viscera::sim

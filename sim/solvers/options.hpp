@@ -1,0 +1,44 @@
+// How a scene is solved. The scene does not know it: the same scene runs under every method.
+#pragma once
+
+namespace viscera::sim {
+
+enum class Precision { fp32, fp64 };
+
+enum class Method {
+  xpbd,  // extended position based dynamics: compliances from E and nu
+  pbd,   // position based dynamics: a stiffness in [0, 1] an iteration
+  tled,  // total Lagrangian explicit dynamics
+  fem,   // implicit finite elements, Newton
+};
+
+// How XPBD, PBD and TLED order the elements of a substep.
+enum class Scheme {
+  gauss_seidel,        // colour by colour
+  block_gauss_seidel,  // blocks of elements on their own copies of shared vertices, then averaged
+  jacobi,              // all from the same state, summed
+};
+
+struct FemOptions {
+  enum class Time { implicit_euler, quasi_static };
+  enum class Linear { cholesky, pcg };
+  Time time = Time::implicit_euler;
+  Linear linear = Linear::cholesky;
+  double tolerance = 1e-8;  // residual force over the sum of the forces' magnitudes
+  int max_iterations = 100;
+  int order = 1;  // of the tets: 1 linear, 2 quadratic (the discretisation's reference)
+};
+
+struct SolverOptions {
+  Method method = Method::xpbd;
+  Scheme scheme = Scheme::gauss_seidel;
+  Precision precision = Precision::fp32;
+  int iterations = 1;      // a substep
+  double split = 4.0;      // Jacobi: the factor on A in the denominator; 1 is explicit dynamics
+  int block_tets = 400;    // block Gauss-Seidel: elements a block
+  double stiffness = 1.0;  // PBD: share of a constraint's error removed by an iteration
+  int threads = 0;         // 0 for all cores; results do not depend on it
+  FemOptions fem;
+};
+
+}  // namespace viscera::sim

@@ -1,0 +1,101 @@
+// Everything constant that a run needs, on the host: what each effect that a scene names prepares,
+// and nothing for those that it does not.
+//
+// A substep, with d the displacement over it:
+//   begin_vertex      d = dt v
+//   force effects     d += dt^2 a
+//   motion effects    d leads to where the vertex is told to be
+//   contact effects   push: d leads out of the obstacle
+//   element effects   d += dt^2 M^-1 p, by the method's arithmetic and in the scheme's order
+//   contact effects   rub: d loses what friction takes
+//   end_vertex        u += d, v = d / dt
+// The velocity is d / dt and never a difference of two positions, so single precision keeps gravity
+// at any substep (Macklin et al., "Small Steps in Physics Simulation", SCA 2019).
+#pragma once
+
+#include "sim/model.hpp"
+#include "sim/scene.hpp"
+#include "sim/solvers/arithmetic.hpp"
+
+namespace viscera::sim {
+
+// What one effect needs on a device, made once for every time that the scene names it.
+template <class Effect, class T, EffectKind kind = Effect::kind>
+struct Prepared {  // force and contact effects
+  typename Effect::template Device<T> device;
+
+  Prepared(const Model& model, const typename Effect::Params& params, double)
+      : device(Effect::template device<T>(model, params)) {}
+};
+
+template <class Effect, class T>
+struct Prepared<Effect, T, EffectKind::motion> {
+  typename Effect::template Device<T> device;
+  std::vector<int> vertices;
+
+  Prepared(const Model& model, const typename Effect::Params& params, double)
+      : device(Effect::template device<T>(model, params)),
+        vertices(Effect::vertices(model, params)) {}
+};
+
+template <class Effect, class T>
+struct Prepared<Effect, T, EffectKind::element> {
+  using Vertices = std::array<int, Effect::arity>;
+  std::vector<Vertices> vertices;
+  std::vector<typename Effect::template Rest<T>> rest;
+
+  Prepared(const Model& model, const typename Effect::Params& params, double dt) {
+    const auto& elements = Effect::elements(model, params);
+    vertices.assign(elements.begin(), elements.end());
+    rest.reserve(vertices.size());
+    for (std::size_t e = 0; e < vertices.size(); ++e) {
+      rest.push_back(Effect::template rest<T>(model, e, params, dt));
+    }
+  }
+};
+
+// function.template operator()<Effect>(slot) for every filled slot of one kind of effect, in the
+// registry's order.
+template <EffectKind kind, class Slots, class Function>
+void for_each_slot(Slots& slots, Function&& function) {
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (Effect::kind == kind) {
+      for (auto& slot : std::get<i>(slots)) function.template operator()<Effect>(slot);
+    }
+  });
+}
+
+template <class T>
+struct Program {
+  template <class Effect>
+  using Slot = Prepared<Effect, T>;
+
+  std::vector<Vec3<T>> rest;    // [n] m
+  std::vector<T> inverse_mass;  // [n] 1/kg, 0 for vertices that no force moves
+  Effects::Slots<Slot> effects;
+  double dt;  // s
+  int substeps;
+
+  Program(const Model& model, const Scene& scene)
+      : dt(scene.time.substep_s()), substeps(scene.time.substeps) {
+    for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+      rest.push_back(cast<T>(model.rest[i]));
+      inverse_mass.push_back(model.fixed[i] ? T(0) : static_cast<T>(1.0 / model.mass[i]));
+    }
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      for (const auto& params : std::get<i>(scene.effects)) {
+        std::get<i>(effects).emplace_back(model, params, dt);
+      }
+    });
+    for_each_slot<EffectKind::motion>(effects, [this]<class Effect>(const auto& motion) {
+      for (const int v : motion.vertices) inverse_mass[v] = T(0);
+    });
+  }
+
+  // The substep that follows `done` substeps.
+  Step<T> step(std::uint64_t done) const {
+    return {static_cast<T>(dt), static_cast<T>(static_cast<double>(done + 1) * dt)};
+  }
+};
+
+}  // namespace viscera::sim
