@@ -47,18 +47,18 @@ class CpuSolver final : public Solver {
         team_(thread_count(options.threads, model)),
         n_(layout_.vertices),
         u_(n_ + 1),
-        v_(n_),
-        d_(n_ + 1) {
-    program_.inverse_mass.push_back(T(0));  // of the spare vertex
-    constants_ = {static_cast<T>(program_.dt * program_.dt),
-                  static_cast<T>(options.scheme == Scheme::jacobi ? options.split : 1.0),
+        d_(n_ + 1),
+        v_(n_) {
+    const T dt = static_cast<T>(program_.dt);
+    for (int i = 0; i < n_; ++i) d_[i].w = program_.inverse_mass[i] * (dt * dt);
+    constants_ = {static_cast<T>(options.scheme == Scheme::jacobi ? options.split : 1.0),
                   static_cast<T>(options.stiffness)};
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& effect : std::get<i>(program_.effects)) {
         std::get<i>(own_).emplace_back(effect, layout_);
       }
     });
-    if (layout_.split) copies_.emplace(*layout_.split, program_.inverse_mass);
+    if (layout_.split) copies_.emplace(*layout_.split);
   }
 
   void advance_frame() override {
@@ -83,15 +83,14 @@ class CpuSolver final : public Solver {
   }
 
   State state() const override {
-    State state{cast_all<double>(u_), cast_all<double>(v_), step_};
-    state.u.pop_back();  // the spare vertex
+    State state{{}, cast_all<double>(v_), step_};
+    for (int i = 0; i < n_; ++i) state.u.push_back(cast<double>(u_[i].v));
     for_each_slot<EffectKind::element>(
         own_, [&state]<class Effect>(const auto& own) { own.save_memory(state.memory); });
     return state;
   }
   void set_state(const State& state) override {
-    u_ = cast_all<T>(state.u);
-    u_.emplace_back();
+    for (int i = 0; i < n_; ++i) u_[i].v = cast<T>(state.u[i]);
     v_ = cast_all<T>(state.v);
     step_ = state.step;
     std::span<const double> memory = state.memory;
@@ -139,16 +138,16 @@ class CpuSolver final : public Solver {
   void begin(Range mine) {
     const T dt = static_cast<T>(program_.dt);
     for (int i = mine.begin; i < mine.end; ++i) {
-      d_[i] = begin_vertex(program_.inverse_mass[i], v_[i], dt);
+      d_[i].v = begin_vertex(d_[i].w, v_[i], dt);
     }
   }
 
   void apply_forces(Range mine) {
+    const T dt2 = static_cast<T>(program_.dt) * static_cast<T>(program_.dt);
     for_each_slot<EffectKind::force>(program_.effects, [&]<class Effect>(const auto& effect) {
       for (int i = mine.begin; i < mine.end; ++i) {
-        if (!(program_.inverse_mass[i] > T(0))) continue;
-        d_[i] +=
-            constants_.dt2 * Effect::acceleration(effect.device, program_.rest[i], u_[i], v_[i]);
+        if (!(d_[i].w > T(0))) continue;
+        d_[i].v += dt2 * Effect::acceleration(effect.device, program_.rest[i], u_[i].v, v_[i]);
       }
     });
   }
@@ -157,7 +156,7 @@ class CpuSolver final : public Solver {
     for_each_slot<EffectKind::motion>(program_.effects, [&]<class Effect>(const auto& effect) {
       for (const int i : effect.vertices) {
         if (i < mine.begin || i >= mine.end) continue;
-        d_[i] = Effect::target(effect.device, program_.rest[i], step.time) - u_[i];
+        d_[i].v = Effect::target(effect.device, program_.rest[i], step.time) - u_[i].v;
       }
     });
   }
@@ -192,11 +191,7 @@ class CpuSolver final : public Solver {
 
   template <class Elements>
   SweepFields<T> fields_of(Elements& own) {
-    return {program_.inverse_mass.data(),
-            u_.data(),
-            d_.data(),
-            constants_,
-            own.packed.multipliers.data(),
+    return {u_.data(), d_.data(), constants_, own.packed.multipliers.data(),
             own.packed.memory.data()};
   }
 
@@ -220,7 +215,7 @@ class CpuSolver final : public Solver {
     for (int i = mine.begin; i < mine.end; ++i) {
       Vec3<T> sum;
       for (const int slot : own.slots_of(i)) sum += own.impulses[slot];
-      d_[i] += (program_.inverse_mass[i] * constants_.dt2) * sum;
+      d_[i].v += d_[i].w * sum;
     }
     team_.barrier();
   }
@@ -252,9 +247,9 @@ class CpuSolver final : public Solver {
     for_each_contact([&]<class Effect>(const auto& device, std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
         correction[i] = {};
-        if (!(program_.inverse_mass[i] > T(0))) continue;
-        correction[i] = Effect::push(device, step, program_.rest[i], u_[i], d_[i]);
-        d_[i] += correction[i];
+        if (!(d_[i].w > T(0))) continue;
+        correction[i] = Effect::push(device, step, program_.rest[i], u_[i].v, d_[i].v);
+        d_[i].v += correction[i];
       }
     });
   }
@@ -262,7 +257,7 @@ class CpuSolver final : public Solver {
   void rub_contacts(Range mine, const Step<T>& step) {
     for_each_contact([&]<class Effect>(const auto& device, const std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
-        if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i]);
+        if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i].v);
       }
     });
   }
@@ -282,7 +277,7 @@ class CpuSolver final : public Solver {
 
   void end(Range mine) {
     const T dt = static_cast<T>(program_.dt);
-    for (int i = mine.begin; i < mine.end; ++i) end_vertex(d_[i], dt, u_[i], v_[i]);
+    for (int i = mine.begin; i < mine.end; ++i) end_vertex(d_[i].v, dt, u_[i].v, v_[i]);
   }
 
   template <class Effect>
@@ -299,7 +294,8 @@ class CpuSolver final : public Solver {
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;
-  std::vector<Vec3<T>> u_, v_, d_;  // m, m/s, m over the substep; u and d with a spare vertex
+  std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m; both with a spare vertex
+  std::vector<Vec3<T>> v_;     // m/s
 };
 
 void refuse(const char* field, const std::string& found, const char* allowed) {
