@@ -263,6 +263,10 @@ class CpuSolver final : public Solver {
     for_each_contact([&]<class Effect>(const auto& device, const std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
         if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i]);
+        if constexpr (can_stop<Effect, T>) {
+          if (!(program_.inverse_mass[i] > T(0))) continue;
+          d_[i] += Effect::stop(device, step, program_.rest[i], u_[i], d_[i]);
+        }
       }
     });
   }
