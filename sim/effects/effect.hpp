@@ -39,6 +39,7 @@
 //       at the start of the substep
 #pragma once
 
+#include <string>
 #include <tuple>
 
 #include "sim/math.hpp"
@@ -91,7 +92,8 @@ struct Evaluation<T, 0, arity> {
 };
 
 // One parameter of an effect as a scene writes it. `member` points into the effect's Params; its
-// type is double or Vec3<double>. Closed range [lo, hi] in the SI unit named, of every component.
+// type is double, Vec3<double> or std::string. Closed range [lo, hi] in the SI unit named, of every
+// component.
 template <class Params, class Value>
 struct Field {
   const char* name;
@@ -101,8 +103,33 @@ struct Field {
   const char* doc;
 };
 
+// A parameter of type std::string: one of `choices`, "a|b|c", or empty; without choices any word.
+template <class Params>
+struct Field<Params, std::string> {
+  const char* name;
+  const char* choices;
+  std::string Params::*member;
+  const char* doc;
+};
+
 template <class Params, class Value>
 Field(const char*, const char*, Value Params::*, double, double, const char*)
     -> Field<Params, Value>;
+template <class Params>
+Field(const char*, const char*, std::string Params::*, const char*) -> Field<Params, std::string>;
+
+// A field of a part that Params derives from, as one of Params.
+template <class Params, class Part, class Value>
+constexpr Field<Params, Value> field_of(const Field<Part, Value>& f) {
+  return {f.name, f.unit, f.member, f.lo, f.hi, f.doc};
+}
+template <class Params, class Part>
+constexpr Field<Params, std::string> field_of(const Field<Part, std::string>& f) {
+  return {f.name, f.choices, f.member, f.doc};
+}
+template <class Params, class... Part>
+constexpr auto fields_of(const std::tuple<Part...>& part) {
+  return std::apply([](const auto&... f) { return std::tuple{field_of<Params>(f)...}; }, part);
+}
 
 }  // namespace viscera::sim
