@@ -7,7 +7,7 @@ OUT := out/stages
 SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -name '*.cu' -o -name '*.cuh')
 
 .PHONY: help packages build run test check-format format clean \
-        stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu
+        stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu bench-solver
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -59,6 +59,15 @@ gpu-bundle: build $(OUT)/tetmesh/manifest.json ## build/gpu-bundle, to be copied
 test-gpu: build $(OUT)/tetmesh/manifest.json ## the GPU tests on this machine; fails without a device
 	@VISCERA_REQUIRE_GPU=1 VISCERA_GPU_MESH=$(OUT)/tetmesh/mesh.vtu \
 	  VISCERA_GPU_SCENE=configs/scenes/drop.yaml $(BIN)/test_gpu
+
+BENCH = build/bench
+
+$(BENCH)/mesh.vtu: build  # the phantom in 30k tets
+	@$(BIN)/viscera run configs/demo.yaml --set tetmesh.target_tets=30000 --until tetmesh \
+	  --out $(BENCH) --quiet && cp $(BENCH)/demo/tetmesh/mesh.vtu $(BENCH)/mesh.vtu
+
+bench-solver: $(BENCH)/mesh.vtu ## what a substep costs on this machine, by method and threads
+	@$(BIN)/bench_solver $(BENCH)/mesh.vtu docs/results/solver_speed.csv
 
 format: ## bring every source into the house style
 	@clang-format -i $(SOURCES)

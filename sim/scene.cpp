@@ -29,6 +29,8 @@ std::string text(const Vec3<double>& v) {
 }
 
 // Also finds what is required and missing: it is not a number.
+template <class Params>
+void check_range(const Field<Params, std::string>&, const Params&, const std::string&) {}
 template <class Params, class Value>
 void check_range(const Field<Params, Value>& field, const Params& params,
                  const std::string& prefix) {

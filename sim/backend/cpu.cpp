@@ -47,18 +47,18 @@ class CpuSolver final : public Solver {
         team_(thread_count(options.threads, model)),
         n_(layout_.vertices),
         u_(n_ + 1),
-        v_(n_),
-        d_(n_ + 1) {
-    program_.inverse_mass.push_back(T(0));  // of the spare vertex
-    constants_ = {static_cast<T>(program_.dt * program_.dt),
-                  static_cast<T>(options.scheme == Scheme::jacobi ? options.split : 1.0),
+        d_(n_ + 1),
+        v_(n_) {
+    const T dt = static_cast<T>(program_.dt);
+    for (int i = 0; i < n_; ++i) d_[i].w = program_.inverse_mass[i] * (dt * dt);
+    constants_ = {static_cast<T>(options.scheme == Scheme::jacobi ? options.split : 1.0),
                   static_cast<T>(options.stiffness)};
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& effect : std::get<i>(program_.effects)) {
         std::get<i>(own_).emplace_back(effect, layout_);
       }
     });
-    if (layout_.split) copies_.emplace(*layout_.split, program_.inverse_mass);
+    if (layout_.split) copies_.emplace(*layout_.split);
   }
 
   void advance_frame() override {
@@ -83,15 +83,14 @@ class CpuSolver final : public Solver {
   }
 
   State state() const override {
-    State state{cast_all<double>(u_), cast_all<double>(v_), step_};
-    state.u.pop_back();  // the spare vertex
+    State state{{}, cast_all<double>(v_), step_};
+    for (int i = 0; i < n_; ++i) state.u.push_back(cast<double>(u_[i].v));
     for_each_slot<EffectKind::element>(
         own_, [&state]<class Effect>(const auto& own) { own.save_memory(state.memory); });
     return state;
   }
   void set_state(const State& state) override {
-    u_ = cast_all<T>(state.u);
-    u_.emplace_back();
+    for (int i = 0; i < n_; ++i) u_[i].v = cast<T>(state.u[i]);
     v_ = cast_all<T>(state.v);
     step_ = state.step;
     std::span<const double> memory = state.memory;
@@ -117,6 +116,7 @@ class CpuSolver final : public Solver {
   }
 
  private:
+  static constexpr int shared_groups = 4;  // a thread's least part of a colour that is shared out
   static constexpr std::size_t step_part = Effects::size;  // what is not one effect's
   using Seconds = std::array<double, Effects::size + 1>;
 
@@ -139,16 +139,16 @@ class CpuSolver final : public Solver {
   void begin(Range mine) {
     const T dt = static_cast<T>(program_.dt);
     for (int i = mine.begin; i < mine.end; ++i) {
-      d_[i] = begin_vertex(program_.inverse_mass[i], v_[i], dt);
+      d_[i].v = begin_vertex(d_[i].w, v_[i], dt);
     }
   }
 
   void apply_forces(Range mine) {
+    const T dt2 = static_cast<T>(program_.dt) * static_cast<T>(program_.dt);
     for_each_slot<EffectKind::force>(program_.effects, [&]<class Effect>(const auto& effect) {
       for (int i = mine.begin; i < mine.end; ++i) {
-        if (!(program_.inverse_mass[i] > T(0))) continue;
-        d_[i] +=
-            constants_.dt2 * Effect::acceleration(effect.device, program_.rest[i], u_[i], v_[i]);
+        if (!(d_[i].w > T(0))) continue;
+        d_[i].v += dt2 * Effect::acceleration(effect.device, program_.rest[i], u_[i].v, v_[i]);
       }
     });
   }
@@ -157,7 +157,7 @@ class CpuSolver final : public Solver {
     for_each_slot<EffectKind::motion>(program_.effects, [&]<class Effect>(const auto& effect) {
       for (const int i : effect.vertices) {
         if (i < mine.begin || i >= mine.end) continue;
-        d_[i] = Effect::target(effect.device, program_.rest[i], step.time) - u_[i];
+        d_[i].v = Effect::target(effect.device, program_.rest[i], step.time) - u_[i].v;
       }
     });
   }
@@ -192,21 +192,26 @@ class CpuSolver final : public Solver {
 
   template <class Elements>
   SweepFields<T> fields_of(Elements& own) {
-    return {program_.inverse_mass.data(),
-            u_.data(),
-            d_.data(),
-            constants_,
-            own.packed.multipliers.data(),
+    return {u_.data(), d_.data(), constants_, own.packed.multipliers.data(),
             own.packed.memory.data()};
   }
 
   template <class Elements>
   void sweep_colors(Elements& own, Sweep<T> sweep, int rank) {
     const SweepFields<T> fields = fields_of(own);
-    for (const Range color : own.packed.colors) {
-      sweep(own.packed.groups.data(), part_of(color, rank, team_.size()), fields);
+    const auto& colors = own.packed.colors;
+    // The last colours hold a few elements each: one thread takes them without waiting in between.
+    const auto tail = std::ranges::find_if(colors, [this](Range color) {
+      return color.end - color.begin < shared_groups * team_.size();
+    });
+    for (auto color = colors.begin(); color != tail; ++color) {
+      sweep(own.packed.groups.data(), part_of(*color, rank, team_.size()), fields);
       team_.barrier();
     }
+    if (rank == 0 && tail != colors.end()) {
+      sweep(own.packed.groups.data(), {tail->begin, colors.back().end}, fields);
+    }
+    team_.barrier();
   }
 
   // Jacobi: all elements from the same d, then each vertex sums what is its own, in a fixed order.
@@ -220,7 +225,7 @@ class CpuSolver final : public Solver {
     for (int i = mine.begin; i < mine.end; ++i) {
       Vec3<T> sum;
       for (const int slot : own.slots_of(i)) sum += own.impulses[slot];
-      d_[i] += (program_.inverse_mass[i] * constants_.dt2) * sum;
+      d_[i].v += d_[i].w * sum;
     }
     team_.barrier();
   }
@@ -252,9 +257,9 @@ class CpuSolver final : public Solver {
     for_each_contact([&]<class Effect>(const auto& device, std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
         correction[i] = {};
-        if (!(program_.inverse_mass[i] > T(0))) continue;
-        correction[i] = Effect::push(device, step, program_.rest[i], u_[i], d_[i]);
-        d_[i] += correction[i];
+        if (!(d_[i].w > T(0))) continue;
+        correction[i] = Effect::push(device, step, program_.rest[i], u_[i].v, d_[i].v);
+        d_[i].v += correction[i];
       }
     });
   }
@@ -262,10 +267,10 @@ class CpuSolver final : public Solver {
   void rub_contacts(Range mine, const Step<T>& step) {
     for_each_contact([&]<class Effect>(const auto& device, const std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
-        if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i]);
+        if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i].v);
         if constexpr (can_stop<Effect, T>) {
-          if (!(program_.inverse_mass[i] > T(0))) continue;
-          d_[i] += Effect::stop(device, step, program_.rest[i], u_[i], d_[i]);
+          if (!(d_[i].w > T(0))) continue;
+          d_[i].v += Effect::stop(device, step, program_.rest[i], u_[i].v, d_[i].v);
         }
       }
     });
@@ -286,7 +291,7 @@ class CpuSolver final : public Solver {
 
   void end(Range mine) {
     const T dt = static_cast<T>(program_.dt);
-    for (int i = mine.begin; i < mine.end; ++i) end_vertex(d_[i], dt, u_[i], v_[i]);
+    for (int i = mine.begin; i < mine.end; ++i) end_vertex(d_[i].v, dt, u_[i].v, v_[i]);
   }
 
   template <class Effect>
@@ -303,7 +308,8 @@ class CpuSolver final : public Solver {
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;
-  std::vector<Vec3<T>> u_, v_, d_;  // m, m/s, m over the substep; u and d with a spare vertex
+  std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m; both with a spare vertex
+  std::vector<Vec3<T>> v_;     // m/s
 };
 
 void refuse(const char* field, const std::string& found, const char* allowed) {

@@ -144,40 +144,34 @@ struct CpuElements {
 template <class T>
 class VertexCopies {
  public:
-  VertexCopies(const SplitVertices& split, const std::vector<T>& inverse_mass)
-      : split_(split), u_(split.count() + 1), d_(split.count() + 1), inverse_mass_(split.count()) {
-    for (int copy = 0; copy < split.count(); ++copy) {
-      const int v = split.vertex_of(copy);
-      inverse_mass_[copy] = static_cast<T>(split.copies_of(v).size()) * inverse_mass[v];
-    }
-    inverse_mass_.push_back(T(0));  // the spare vertex
-  }
+  // With a spare vertex, whose mobility is 0.
+  explicit VertexCopies(const SplitVertices& split)
+      : split_(split), u_(split.count() + 1), d_(split.count() + 1) {}
 
-  void take(Range copies, const std::vector<Vec3<T>>& u, const std::vector<Vec3<T>>& d) {
+  void take(Range copies, const std::vector<Row<T>>& u, const std::vector<Row<T>>& d) {
     for (int copy = copies.begin; copy < copies.end; ++copy) {
-      u_[copy] = u[split_.vertex_of(copy)];
-      d_[copy] = d[split_.vertex_of(copy)];
+      const int v = split_.vertex_of(copy);
+      u_[copy] = u[v];
+      d_[copy] = {d[v].v, static_cast<T>(split_.copies_of(v).size()) * d[v].w};
     }
   }
   void use(SweepFields<T>& fields) {
-    fields.inverse_mass = inverse_mass_.data();
     fields.u = u_.data();
     fields.d = d_.data();
   }
-  void average(Range vertices, std::vector<Vec3<T>>& d) const {
+  void average(Range vertices, std::vector<Row<T>>& d) const {
     for (int v = vertices.begin; v < vertices.end; ++v) {
       const auto copies = split_.copies_of(v);
       if (copies.empty()) continue;
       Vec3<T> sum;
-      for (const int copy : copies) sum += d_[copy];
-      d[v] = (T(1) / static_cast<T>(copies.size())) * sum;
+      for (const int copy : copies) sum += d_[copy].v;
+      d[v].v = (T(1) / static_cast<T>(copies.size())) * sum;
     }
   }
 
  private:
   const SplitVertices& split_;
-  std::vector<Vec3<T>> u_, d_;
-  std::vector<T> inverse_mass_;
+  std::vector<Row<T>> u_, d_;
 };
 
 // With the widest instructions that this machine has; the results do not depend on it.

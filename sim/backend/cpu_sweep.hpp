@@ -81,23 +81,17 @@ struct PackedElements {
   }
 };
 
-// What a sweep reads and writes. u and d in m, w in 1/kg, dt in s. With `impulses` the results go
-// there, [groups * arity * W], and d stays as it is.
+// What a sweep reads and writes: u and d in m, and beside d the mobility dt^2 / m, s2/kg. With
+// `impulses` the results go there, [groups * arity * W], and d stays as it is.
 template <class T>
 struct SweepFields {
-  const T* inverse_mass;
-  const Vec3<T>* u;
-  Vec3<T>* d;
+  const Row<T>* u;
+  Row<T>* d;
   SweepConstants<T> constants;
   T* multipliers = nullptr;
   T* memory = nullptr;
   Vec3<T>* impulses = nullptr;
 };
-
-template <class P, class T, int width>
-void load(const T (&from)[width], P& to) {
-  for (int lane = 0; lane < width; ++lane) to.lanes[lane] = from[lane];
-}
 
 // Calls work(values) on what a group keeps, `count` numbers a lane, and keeps what it leaves.
 template <int count, class P, class T, class Work>
@@ -125,16 +119,14 @@ void sweep_group(const typename PackedElements<Effect, T>::Group& group, int ind
   Vec3<P> u[arity], d[arity], p[arity];
   P mobility[arity];
   for (int i = 0; i < arity; ++i) {
-    for (int lane = 0; lane < width; ++lane) {
-      const int v = group.vertices[i][lane];
-      u[i].x.lanes[lane] = f.u[v].x, u[i].y.lanes[lane] = f.u[v].y, u[i].z.lanes[lane] = f.u[v].z;
-      d[i].x.lanes[lane] = f.d[v].x, d[i].y.lanes[lane] = f.d[v].y, d[i].z.lanes[lane] = f.d[v].z;
-      mobility[i].lanes[lane] = f.inverse_mass[v];
-    }
-    mobility[i] *= P(f.constants.dt2);
+    typename P::Vector rows[4];
+    Turn<isa>::load(f.u, group.vertices[i], rows);
+    u[i] = {rows[0], rows[1], rows[2]};
+    Turn<isa>::load(f.d, group.vertices[i], rows);
+    d[i] = {rows[0], rows[1], rows[2]};
+    mobility[i] = rows[3];
   }
-  const SweepConstants<P> constants{P(f.constants.dt2), P(f.constants.split),
-                                    P(f.constants.stiffness)};
+  const SweepConstants<P> constants{P(f.constants.split), P(f.constants.stiffness)};
   constexpr bool iterates =
       arithmetic == Arithmetic::xpbd_first || arithmetic == Arithmetic::xpbd_next;
   with_kept<iterates ? Effect::rows : 0, P>(f.multipliers, index, [&](P* multipliers) {
@@ -143,15 +135,15 @@ void sweep_group(const typename PackedElements<Effect, T>::Group& group, int ind
     });
   });
   for (int i = 0; i < arity; ++i) {
-    if (!f.impulses) d[i] += mobility[i] * p[i];
-    const Vec3<P>& result = f.impulses ? p[i] : d[i];
+    if (!f.impulses) {
+      d[i] += mobility[i] * p[i];
+      Turn<isa>::store({d[i].x.lanes, d[i].y.lanes, d[i].z.lanes, mobility[i].lanes},
+                       group.vertices[i], f.d);
+      continue;
+    }
+    Vec3<T>* const own = f.impulses + (static_cast<std::size_t>(index) * arity + i) * width;
     for (int lane = 0; lane < width; ++lane) {
-      const Vec3<T> value{result.x.lanes[lane], result.y.lanes[lane], result.z.lanes[lane]};
-      if (f.impulses) {
-        f.impulses[(static_cast<std::size_t>(index) * arity + i) * width + lane] = value;
-      } else {
-        f.d[group.vertices[i][lane]] = value;
-      }
+      own[lane] = {p[i].x.lanes[lane], p[i].y.lanes[lane], p[i].z.lanes[lane]};
     }
   }
 }

@@ -81,7 +81,8 @@ __global__ void apply_force(int n, typename Effect::template Device<T> device, c
 template <class Effect, class T>
 __global__ void solve_color(int first, int last, const std::array<int, Effect::arity>* vertices,
                             const typename Effect::template Rest<T>* rest, const T* w,
-                            const Vec3<T>* u, Vec3<T>* d, T* memory, SweepConstants<T> constants) {
+                            const Vec3<T>* u, Vec3<T>* d, T* memory, SweepConstants<T> constants,
+                            T dt) {
   const int e = first + global_thread();
   if (e >= last) return;
   constexpr int arity = Effect::arity;
@@ -91,7 +92,7 @@ __global__ void solve_color(int first, int last, const std::array<int, Effect::a
     const int v = vertices[e][i];
     local_u[i] = u[v];
     local_d[i] = d[v];
-    mobility[i] = w[v] * constants.dt2;
+    mobility[i] = w[v] * (dt * dt);
   }
   constexpr int memory_size = memory_of<Effect>;
   T own[memory_size > 0 ? memory_size : 1];
@@ -344,7 +345,7 @@ class XpbdCuda final : public Solver {
         const int last = effect.coloring.color_begin[color + 1];
         solve_color<Effect, T><<<blocks(last - first), block_size, 0, stream_>>>(
             first, last, effect.vertices.get(), effect.rest.get(), inverse_mass_.get(), u_.get(),
-            d_.get(), effect.memory.get(), SweepConstants<T>{dt * dt, T(1), T(1)});
+            d_.get(), effect.memory.get(), SweepConstants<T>{T(1), T(1)}, dt);
       }
     });
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {

@@ -43,6 +43,7 @@
 #pragma once
 
 #include <limits>
+#include <string>
 #include <tuple>
 
 #include "sim/math.hpp"
@@ -106,7 +107,8 @@ struct Evaluation<T, 0, arity> {
 inline constexpr double required = std::numeric_limits<double>::quiet_NaN();
 
 // One parameter of an effect as a scene writes it. `member` points into the effect's Params; its
-// type is double or Vec3<double>. Closed range [lo, hi] in the SI unit named, of every component.
+// type is double, Vec3<double> or std::string. Closed range [lo, hi] in the SI unit named, of every
+// component.
 template <class Params, class Value>
 struct Field {
   const char* name;
@@ -116,9 +118,34 @@ struct Field {
   const char* doc;
 };
 
+// A parameter of type std::string: one of `choices`, "a|b|c", or empty; without choices any word.
+template <class Params>
+struct Field<Params, std::string> {
+  const char* name;
+  const char* choices;
+  std::string Params::*member;
+  const char* doc;
+};
+
 template <class Params, class Value>
 Field(const char*, const char*, Value Params::*, double, double, const char*)
     -> Field<Params, Value>;
+template <class Params>
+Field(const char*, const char*, std::string Params::*, const char*) -> Field<Params, std::string>;
+
+// A field of a part that Params derives from, as one of Params.
+template <class Params, class Part, class Value>
+constexpr Field<Params, Value> field_of(const Field<Part, Value>& f) {
+  return {f.name, f.unit, f.member, f.lo, f.hi, f.doc};
+}
+template <class Params, class Part>
+constexpr Field<Params, std::string> field_of(const Field<Part, std::string>& f) {
+  return {f.name, f.choices, f.member, f.doc};
+}
+template <class Params, class... Part>
+constexpr auto fields_of(const std::tuple<Part...>& part) {
+  return std::apply([](const auto&... f) { return std::tuple{field_of<Params>(f)...}; }, part);
+}
 
 // For an effect's check(): a vector that is to have a direction.
 inline void require_direction(const Vec3<double>& vector, const std::string& field,
@@ -126,16 +153,6 @@ inline void require_direction(const Vec3<double>& vector, const std::string& fie
   if (norm(vector) > 0.0) return;
   throw Refusal(Refusal::Cause::scene, field, "a vector of length 0",
                 "a direction, for example " + example);
-}
-
-// The fields of a part that Params derives from, as fields of Params.
-template <class Params, class... Part, class... Value>
-constexpr auto fields_of(const std::tuple<Field<Part, Value>...>& part) {
-  return std::apply(
-      [](const auto&... f) {
-        return std::tuple{Field<Params, Value>{f.name, f.unit, f.member, f.lo, f.hi, f.doc}...};
-      },
-      part);
 }
 
 }  // namespace viscera::sim

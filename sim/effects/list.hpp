@@ -4,6 +4,7 @@
 #include <tuple>
 #include <vector>
 
+#include "sim/effects/attachments.hpp"
 #include "sim/effects/colliders.hpp"
 #include "sim/effects/gravity.hpp"
 #include "sim/effects/ground.hpp"
@@ -33,7 +34,7 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Viscosity, NeoHookean, Ground, Collider<Plane>,
-                           Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
+using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, NeoHookean, Ground,
+                           Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

@@ -28,7 +28,6 @@ inline constexpr int arithmetic_count = 5;
 // What stays the same for all elements of a sweep.
 template <class T>
 struct SweepConstants {
-  T dt2;        // s2
   T split;      // the factor on A: 1 but for Jacobi
   T stiffness;  // PBD's k
 };

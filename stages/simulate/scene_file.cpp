@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <sstream>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/yaml_file.hpp"
@@ -195,7 +196,24 @@ class SceneReader {
   }
 
   template <class Params>
+  static Param declare(const sim::Field<Params, std::string>& field, const Params& defaults) {
+    Param param{.name = field.name,
+                .type = ParamType::text,
+                .fallback = defaults.*field.member,
+                .doc = field.doc};
+    std::istringstream choices(field.choices);
+    for (std::string choice; std::getline(choices, choice, '|');) param.choices.push_back(choice);
+    if (!param.choices.empty()) param.choices.emplace_back();
+    return param;
+  }
+
+  template <class Params>
   void assign(const sim::Field<Params, double>& field, const Json& value, Params& params,
+              const std::string&) const {
+    params.*field.member = value;
+  }
+  template <class Params>
+  void assign(const sim::Field<Params, std::string>& field, const Json& value, Params& params,
               const std::string&) const {
     params.*field.member = value;
   }
@@ -274,8 +292,8 @@ class SceneReader {
   SceneFile file_;
 };
 
-template <class Params>
-Json field_json(const sim::Field<Params, double>& field, const Params& params) {
+template <class Params, class Value>
+Json field_json(const sim::Field<Params, Value>& field, const Params& params) {
   return params.*field.member;
 }
 template <class Params>

@@ -15,13 +15,14 @@
 #include "sim/stability.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
+#include "stages/simulate/body.hpp"
 #include "stages/simulate/frame_loop.hpp"
 #include "stages/simulate/scene_file.hpp"
 
 namespace viscera {
 namespace {
 
-constexpr double mm_to_m = 1e-3, m_to_mm = 1e3, m3_to_ml = 1e6;
+constexpr double m3_to_ml = 1e6;
 
 Error to_error(const sim::Refusal& refusal, const StageRun& run) {
   using Cause = sim::Refusal::Cause;
@@ -66,15 +67,6 @@ std::map<int, sim::Material> materials_by_label(const TetMesh& mesh, const Scene
     materials[label] = found->second;
   }
   return materials;
-}
-
-sim::Model model_of(const TetMesh& mesh, const SceneFile& file, const StageRun& run) {
-  std::vector<sim::Vec3<double>> points;
-  for (const auto& [x, y, z] : mesh.points) {
-    points.push_back(mm_to_m * sim::Vec3<double>{x, y, z});
-  }
-  return sim::make_model(points, mesh.tets, mesh.labels, materials_by_label(mesh, file, run),
-                         mesh.label_names);
 }
 
 // Metrics of a run on which a scene may set an expectation.
@@ -154,16 +146,6 @@ class MetricsFile {
  private:
   std::ofstream file_;
 };
-
-std::vector<float> positions_mm(const sim::Model& model, const sim::State& state) {
-  std::vector<float> positions;
-  positions.reserve(3 * model.vertex_count());
-  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
-    const sim::Vec3<double> x = m_to_mm * (model.origin + model.rest[i] + state.u[i]);
-    for (const double value : {x.x, x.y, x.z}) positions.push_back(static_cast<float>(value));
-  }
-  return positions;
-}
 
 double quantile(std::vector<double> values, double q) {
   if (values.empty()) return 0.0;
@@ -275,7 +257,7 @@ void report_divergence(StageRun& run, const sim::Model& model, const Outcome& ou
 void simulate(StageRun& run) {
   SceneFile file = scene_of(run);
   const TetMesh mesh = read_vtu(run.input("mesh"));
-  const sim::Model model = model_of(mesh, file, run);
+  const sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
   const int asked_substeps = file.scene.time.substeps;
   const sim::Stability stability = apply_policy(model, file.scene);
   report_stability(run, stability, file.scene, asked_substeps);

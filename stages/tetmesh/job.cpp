@@ -11,6 +11,7 @@
 #include "stages/common/label_components.hpp"
 #include "stages/common/surface_io.hpp"
 #include "stages/tetmesh/measure.hpp"
+#include "stages/tetmesh/order.hpp"
 #include "stages/tetmesh/project_fields.hpp"
 
 namespace viscera {
@@ -166,6 +167,7 @@ MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
   }
   // Only now: on the surface route the improver has the whole body to work with.
   if (!by_fields_ && fields_) assign_labels(mesh);
+  order_along_hilbert_curve(mesh);
   return result;
 }
 

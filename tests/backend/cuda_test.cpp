@@ -9,6 +9,7 @@
 #include "sim/refusal.hpp"
 #include "sim/stability.hpp"
 #include "stages/common/tet_io.hpp"
+#include "stages/simulate/body.hpp"
 #include "stages/simulate/scene_file.hpp"
 #include "tests/sim/shapes.hpp"
 
@@ -95,11 +96,9 @@ TEST_F(Cuda, ARealMeshAgreesWithTheCpu) {
   ASSERT_TRUE(mesh_file && scene_file) << "set VISCERA_GPU_MESH and VISCERA_GPU_SCENE";
   const TetMesh mesh = read_vtu(mesh_file);
   SceneFile file = read_scene(scene_file);
-  std::vector<Vec3<double>> points;
-  for (const auto& [x, y, z] : mesh.points) points.push_back({1e-3 * x, 1e-3 * y, 1e-3 * z});
   std::map<int, Material> materials;
   for (const auto& [label, name] : mesh.label_names) materials[label] = file.materials.at(name);
-  const Model model = make_model(points, mesh.tets, mesh.labels, materials);
+  const Model model = make_body(mesh, materials);
   apply_policy(model, file.scene);
   for (const Precision precision : {Precision::fp64, Precision::fp32}) {
     using Clock = std::chrono::steady_clock;

@@ -129,24 +129,20 @@ TEST(Effects, RigidMotionTurnsTheForcesAndChangesNothingElse) {
 // What a sweep of all elements of an effect starts from, and leaves.
 template <class T>
 struct SweepCase {
-  std::vector<Vec3<T>> u, d;  // and the spare vertex
-  std::vector<T> w;
+  std::vector<Row<T>> u, d;  // and the spare vertex
 
   explicit SweepCase(const Model& model) {
     std::mt19937 generator(5);
+    constexpr double dt = 2.6e-4;
     for (std::size_t i = 0; i < model.vertex_count(); ++i) {
-      u.push_back(cast<T>(random_vector(generator, 2e-3)));
-      d.push_back(cast<T>(random_vector(generator, 1e-6)));
-      w.push_back(static_cast<T>(1.0 / model.mass[i]));
+      u.push_back({cast<T>(random_vector(generator, 2e-3))});
+      d.push_back(
+          {cast<T>(random_vector(generator, 1e-6)), static_cast<T>(dt * dt / model.mass[i])});
     }
     u.emplace_back();
     d.emplace_back();
-    w.push_back(T(0));
   }
-  SweepFields<T> fields() {
-    constexpr T dt = T(2.6e-4);
-    return {w.data(), u.data(), d.data(), {dt * dt, T(1), T(0.5)}};
-  }
+  SweepFields<T> fields() { return {u.data(), d.data(), {T(1), T(0.5)}}; }
 };
 
 template <class Effect, class T, Arithmetic arithmetic>
@@ -159,12 +155,12 @@ void sweep_one_by_one(const Prepared<Effect, T>& all, const SweepFields<T>& f, i
     Vec3<T> u[arity], d[arity], p[arity];
     T mobility[arity], memory[memory_of<Effect> + 1] = {};
     for (int i = 0; i < arity; ++i) {
-      u[i] = f.u[all.vertices[e][i]], d[i] = f.d[all.vertices[e][i]];
-      mobility[i] = f.inverse_mass[all.vertices[e][i]] * f.constants.dt2;
+      const int v = all.vertices[e][i];
+      u[i] = f.u[v].v, d[i] = f.d[v].v, mobility[i] = f.d[v].w;
     }
     element_impulses<Effect, arithmetic>(all.rest[e], mobility, f.constants, u, d,
                                          static_cast<T*>(nullptr), memory, p);
-    for (int i = 0; i < arity; ++i) f.d[all.vertices[e][i]] = d[i] + mobility[i] * p[i];
+    for (int i = 0; i < arity; ++i) f.d[all.vertices[e][i]].v = d[i] + mobility[i] * p[i];
   }
 }
 
@@ -192,7 +188,7 @@ void check_sweeps(std::size_t index) {
     fields.memory = packed.memory.data();
     std::get<SweepTable<T>>(*tables)[static_cast<int>(arithmetic)][index](
         packed.groups.data(), {0, static_cast<int>(packed.groups.size())}, fields);
-    EXPECT_EQ(std::memcmp(found.d.data(), expected.d.data(), n * sizeof(Vec3<T>)), 0)
+    EXPECT_EQ(std::memcmp(found.d.data(), expected.d.data(), n * sizeof(Row<T>)), 0)
         << Effect::name << ", arithmetic " << static_cast<int>(arithmetic);
   }
 }

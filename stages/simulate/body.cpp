@@ -1,0 +1,23 @@
+#include "stages/simulate/body.hpp"
+
+namespace viscera {
+
+sim::Model make_body(const TetMesh& mesh, const std::map<int, sim::Material>& by_label) {
+  std::vector<sim::Vec3<double>> points;
+  for (const auto& [x, y, z] : mesh.points) {
+    points.push_back(mm_to_m * sim::Vec3<double>{x, y, z});
+  }
+  return sim::make_model(points, mesh.tets, mesh.labels, by_label, mesh.label_names);
+}
+
+std::vector<float> positions_mm(const sim::Model& model, const sim::State& state) {
+  std::vector<float> positions;
+  positions.reserve(3 * model.vertex_count());
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    const sim::Vec3<double> x = m_to_mm * (model.origin + model.rest[i] + state.u[i]);
+    for (const double value : {x.x, x.y, x.z}) positions.push_back(static_cast<float>(value));
+  }
+  return positions;
+}
+
+}  // namespace viscera

@@ -1,0 +1,19 @@
+// The mesh as the simulation takes it, and positions as it gives them back: millimetres and metres
+// meet here and nowhere else.
+#pragma once
+
+#include "sim/model.hpp"
+#include "sim/state.hpp"
+#include "stages/common/tet_mesh.hpp"
+
+namespace viscera {
+
+inline constexpr double mm_to_m = 1e-3, m_to_mm = 1e3;
+
+// Throws sim::Refusal as sim::make_model does.
+sim::Model make_body(const TetMesh& mesh, const std::map<int, sim::Material>& by_label);
+
+// x, y, z of every vertex, LPS mm.
+std::vector<float> positions_mm(const sim::Model& model, const sim::State& state);
+
+}  // namespace viscera

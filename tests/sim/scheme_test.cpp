@@ -1,0 +1,148 @@
+// The orders in which elements are solved, and how often: all must tend to the same equilibrium,
+// keep momentum, give the same bits on any number of threads and take a state up where it was left.
+#include <gtest/gtest.h>
+
+#include "sim/partition.hpp"
+#include "sim/refusal.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+struct Case {
+  const char* name;
+  SolverOptions options;
+};
+
+std::vector<Case> cases() {
+  const auto with = [](Scheme scheme, int iterations) {
+    return SolverOptions{.scheme = scheme,
+                         .precision = Precision::fp64,
+                         .iterations = iterations,
+                         .split = 2.0,
+                         .block_tets = 60};
+  };
+  return {{"gauss_seidel", with(Scheme::gauss_seidel, 1)},
+          {"gauss_seidel_3", with(Scheme::gauss_seidel, 3)},
+          {"block", with(Scheme::block_gauss_seidel, 1)},
+          {"block_2", with(Scheme::block_gauss_seidel, 2)},
+          {"jacobi", with(Scheme::jacobi, 1)},
+          {"tled", {.method = Method::tled, .precision = Precision::fp64}}};
+}
+
+class Schemes : public testing::TestWithParam<Case> {};
+
+// A bar that hangs from its upper end.
+Model hanging_bar(const Material& material = soft_tissue) {
+  Model model = make_box({0.02, 0.02, 0.06}, {2, 2, 6}, material);
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    model.fixed[i] = model.rest[i].z > 0.03 - 1e-9;
+  }
+  return model;
+}
+
+Scene hanging_scene() {
+  Scene scene = elastic_scene();
+  scene.params<Viscosity>().emplace_back();
+  scene.params<Gravity>().emplace_back();
+  scene.time.substeps = 128;
+  return scene;
+}
+
+double tip_drop(const State& state) {
+  double lowest = 0.0;
+  for (const auto& u : state.u) lowest = std::min(lowest, u.z);
+  return -lowest;
+}
+
+TEST_P(Schemes, ReachesTheEquilibriumOfGaussSeidel) {
+  const Model model = hanging_bar();
+  const auto reference = make_on_cpu(model, hanging_scene(), {.precision = Precision::fp64});
+  const auto solver = make_on_cpu(model, hanging_scene(), GetParam().options);
+  for (int frame = 0; frame < 200; ++frame) {
+    reference->advance_frame();
+    solver->advance_frame();
+  }
+  const double expected = tip_drop(reference->state());
+  EXPECT_GT(expected, 2e-3);
+  EXPECT_NEAR(tip_drop(solver->state()), expected, 0.02 * expected);
+}
+
+TEST_P(Schemes, KeepsMomentumAndTheStillnessOfABodyAtRest) {
+  const Model model = make_cube(4);
+  const auto solver = make_on_cpu(model, elastic_scene(), GetParam().options);
+  for (int frame = 0; frame < 10; ++frame) solver->advance_frame();
+  for (const auto& u : solver->state().u) EXPECT_LE(norm(u), 1e-14);
+  State start = solver->state();
+  std::mt19937 generator(4);
+  Vec3<double> before, after;
+  for (std::size_t i = 0; i < start.v.size(); ++i) {
+    start.v[i] = random_vector(generator, 0.01);
+    before += model.mass[i] * start.v[i];
+  }
+  solver->set_state(start);
+  for (int frame = 0; frame < 10; ++frame) solver->advance_frame();
+  const State end = solver->state();
+  for (std::size_t i = 0; i < end.v.size(); ++i) after += model.mass[i] * end.v[i];
+  EXPECT_LT(norm(after - before), 1e-15);
+}
+
+TEST_P(Schemes, GivesTheSameBitsOnAnyNumberOfThreadsAndAfterARestart) {
+  const Model model = make_cube(6);
+  const Scene scene = drop_scene();
+  std::uint64_t hash[3];
+  for (int threads = 1; threads <= 3; ++threads) {
+    SolverOptions options = GetParam().options;
+    options.precision = Precision::fp32;
+    options.threads = threads;
+    const auto solver = make_on_cpu(model, scene, options);
+    for (int frame = 0; frame < 5; ++frame) solver->advance_frame();
+    const State middle = solver->state();
+    EXPECT_EQ(middle.step, 5u * scene.time.substeps);
+    const auto again = make_on_cpu(model, scene, options);
+    again->set_state(middle);
+    for (int frame = 0; frame < 5; ++frame) {
+      solver->advance_frame();
+      again->advance_frame();
+    }
+    hash[threads - 1] = solver->state().hash();
+    EXPECT_EQ(again->state().hash(), hash[threads - 1]);
+  }
+  EXPECT_EQ(hash[0], hash[1]);
+  EXPECT_EQ(hash[0], hash[2]);
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, Schemes, testing::ValuesIn(cases()),
+                         [](const auto& each) { return each.param.name; });
+
+TEST(Options, ThatMakeNoSenseAreRefused) {
+  const Model model = make_cube(1);
+  const Scene scene = elastic_scene();
+  for (const SolverOptions& options :
+       {SolverOptions{.iterations = 0}, SolverOptions{.split = 0.5}, SolverOptions{.block_tets = 0},
+        SolverOptions{.method = Method::pbd, .stiffness = 2.0},
+        SolverOptions{.method = Method::tled, .iterations = 2},
+        SolverOptions{.method = Method::pbd}}) {
+    EXPECT_THROW(make_on_cpu(model, scene, options), Refusal);
+  }
+}
+
+TEST(Blocks, HoldEveryElementOnceAndGiveEveryVertexACopyInEach) {
+  const Model model = make_cube(5);
+  const Blocks blocks(model, 100);
+  EXPECT_EQ(blocks.count(), (static_cast<int>(model.tet_count()) + 99) / 100);
+  SplitVertices split(blocks.count(), model.vertex_count());
+  for (const auto& tet : model.tets) split.touch(blocks.block_of(tet), tet);
+  split.number_copies();
+  for (const auto& tet : model.tets) {
+    for (const int v : tet) {
+      const int copy = split.copy_of(blocks.block_of(tet), v);
+      EXPECT_EQ(split.vertex_of(copy), v);
+      const auto copies = split.copies_of(v);
+      EXPECT_TRUE(std::ranges::count(copies, copy) == 1);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace viscera::sim
