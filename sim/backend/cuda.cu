@@ -108,7 +108,7 @@ __global__ void solve_color(int first, int last, const std::array<int, Effect::a
 // device, and the last kernel of a substep raises it.
 template <class T>
 __device__ Step<T> step_after(const unsigned long long* done, double dt) {
-  return {static_cast<T>(dt), static_cast<T>(static_cast<double>(*done + 1) * dt)};
+  return {static_cast<T>(dt), static_cast<double>(*done + 1) * dt};
 }
 
 template <class Effect, class T>
@@ -118,7 +118,7 @@ __global__ void move(int count, const int* vertices, typename Effect::template D
   const int k = global_thread();
   if (k >= count) return;
   const int i = vertices[k];
-  d[i] = Effect::target(device, rest[i], step_after<T>(done, dt).time) - u[i];
+  d[i] = Effect::target(device, rest[i], static_cast<T>(step_after<T>(done, dt).time)) - u[i];
 }
 
 template <class Effect, class T>

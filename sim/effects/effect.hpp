@@ -65,7 +65,7 @@ inline constexpr bool is_projectable = [] {
 template <class T>
 struct Step {
   T dt;
-  T time;  // at its end, from the start of the scene
+  double time;  // at its end, from the start of the scene
 };
 
 // Whether a contact effect has the last word on where a vertex may go.
