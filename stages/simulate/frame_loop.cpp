@@ -31,7 +31,12 @@ Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scen
   double most_elastic = -1.0, still_since = -1.0;
   for (int index = 0; index <= last_frame; ++index) {
     const auto begin = Clock::now();
-    if (index > 0) solver.advance_frame();
+    try {
+      if (index > 0) solver.advance_frame();
+    } catch (const sim::Diverged& diverged) {
+      outcome.divergence = diverged.what();
+      return outcome;
+    }
     const double ms = 1e3 * std::chrono::duration<double>(Clock::now() - begin).count();
 
     sim::State state = solver.state();
