@@ -7,8 +7,7 @@
 #include <chrono>
 #include <optional>
 
-#include "sim/backend/cpu_elements.hpp"
-#include "sim/backend/team.hpp"
+#include "sim/backend/cpu_regions.hpp"
 #include "sim/refusal.hpp"
 
 namespace viscera::sim {
@@ -22,6 +21,10 @@ struct OnCpu {
 template <class Effect, class T>
 struct OnCpu<Effect, T, EffectKind::element> : CpuElements<Effect, T> {
   using CpuElements<Effect, T>::CpuElements;
+};
+template <class Effect, class T>
+struct OnCpu<Effect, T, EffectKind::region> : CpuRegions<Effect, T> {
+  using CpuRegions<Effect, T>::CpuRegions;
 };
 template <class Effect, class T>
 struct OnCpu<Effect, T, EffectKind::contact> {
@@ -177,6 +180,11 @@ class CpuSolver final : public Solver {
           } else {
             sweep_colors(own, sweep, rank);
           }
+          lap.took(i);
+        }
+      } else if constexpr (Effect::kind == EffectKind::region) {
+        for (auto& own : std::get<i>(own_)) {
+          own.solve(arithmetic, options_.stiffness, team_, rank, mine, u_, d_);
           lap.took(i);
         }
       }

@@ -162,6 +162,11 @@ struct OnDevice {  // force effects travel as kernel arguments
 };
 
 template <class Effect, class T>
+struct OnDevice<Effect, T, EffectKind::region> {  // refused before
+  OnDevice(const Prepared<Effect, T>&, int) {}
+};
+
+template <class Effect, class T>
 struct OnDevice<Effect, T, EffectKind::contact> {
   typename Effect::template Device<T> device;
   DeviceArray<Vec3<T>> correction;  // [n] m, in this substep; 0: not in contact
@@ -402,6 +407,7 @@ std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
     throw Refusal(Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
                   "xpbd by gauss_seidel with one iteration a substep", "use device: cpu or auto");
   }
+  refuse_kinds(scene, {EffectKind::region}, "device cuda");
   if (options.precision == Precision::fp64) {
     return std::make_unique<XpbdCuda<double>>(model, scene, *device.name);
   }

@@ -9,6 +9,7 @@
 #include "sim/effects/gravity.hpp"
 #include "sim/effects/ground.hpp"
 #include "sim/effects/neo_hookean.hpp"
+#include "sim/effects/shape_matching.hpp"
 #include "sim/effects/viscosity.hpp"
 
 namespace viscera::sim {
@@ -34,7 +35,7 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, NeoHookean, Ground,
+using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, NeoHookean, ShapeMatching, Ground,
                            Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

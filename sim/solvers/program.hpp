@@ -7,6 +7,7 @@
 //   motion effects    d leads to where the vertex is told to be
 //   contact effects   push: d leads out of the obstacle
 //   element effects   d += dt^2 M^-1 p, by the method's arithmetic and in the scheme's order
+//   region effects    among them: d approaches the moved rest shape
 //   contact effects   rub: d loses what friction takes
 //   end_vertex        u += d, v = d / dt
 // The velocity is d / dt and never a difference of two positions, so single precision keeps gravity
@@ -14,6 +15,7 @@
 #pragma once
 
 #include "sim/model.hpp"
+#include "sim/regions.hpp"
 #include "sim/scene.hpp"
 #include "sim/solvers/arithmetic.hpp"
 
@@ -50,6 +52,20 @@ struct Prepared<Effect, T, EffectKind::element> {
     rest.reserve(vertices.size());
     for (std::size_t e = 0; e < vertices.size(); ++e) {
       rest.push_back(Effect::template rest<T>(model, e, params, dt));
+    }
+  }
+};
+
+template <class Effect, class T>
+struct Prepared<Effect, T, EffectKind::region> {
+  Regions regions;
+  std::vector<double> squared_phase;  // [regions] omega^2 dt^2
+
+  Prepared(const Model& model, const typename Effect::Params& params, double dt)
+      : regions(model, Effect::regions(model, params)) {
+    for (const auto& region : regions.regions) {
+      const auto& [a, b, c] = region.inertia.col;
+      squared_phase.push_back(dt * dt * Effect::squared_frequency(region.shear, a.x + b.y + c.z));
     }
   }
 };
