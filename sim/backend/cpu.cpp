@@ -268,6 +268,10 @@ class CpuSolver final : public Solver {
     for_each_contact([&]<class Effect>(const auto& device, const std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
         if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i].v);
+        if constexpr (can_stop<Effect, T>) {
+          if (!(d_[i].w > T(0))) continue;
+          d_[i].v += Effect::stop(device, step, program_.rest[i], u_[i].v, d_[i].v);
+        }
       }
     });
   }

@@ -133,11 +133,15 @@ __global__ void push(int n, typename Effect::template Device<T> device, const T*
 }
 
 template <class Effect, class T>
-__global__ void rub(int n, typename Effect::template Device<T> device, const Vec3<T>* correction,
+__global__ void rub(int n, typename Effect::template Device<T> device, const T* w,
+                    const Vec3<T>* rest, const Vec3<T>* u, const Vec3<T>* correction,
                     const Vec3<T>* v, Vec3<T>* d, const unsigned long long* done, double dt) {
   const int i = global_thread();
-  if (i < n && touches(correction[i])) {
-    Effect::rub(device, step_after<T>(done, dt), correction[i], v[i], d[i]);
+  if (i >= n) return;
+  const Step<T> step = step_after<T>(done, dt);
+  if (touches(correction[i])) Effect::rub(device, step, correction[i], v[i], d[i]);
+  if constexpr (can_stop<Effect, T>) {
+    if (w[i] > T(0)) d[i] += Effect::stop(device, step, rest[i], u[i], d[i]);
   }
 }
 
@@ -346,7 +350,8 @@ class XpbdCuda final : public Solver {
     });
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
       rub<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, effect.device, effect.correction.get(), v_.get(), d_.get(), done_.get(), dt_);
+          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), effect.correction.get(),
+          v_.get(), d_.get(), done_.get(), dt_);
     });
     end<T>
         <<<blocks(n_), block_size, 0, stream_>>>(n_, d_.get(), dt, u_.get(), v_.get(), done_.get());

@@ -9,6 +9,7 @@
 //   static constexpr EffectKind kind;
 //   struct Params;                               SI values with their defaults
 //   static constexpr auto fields();              tuple of Field: how the scene writes the params
+//   static void check(params)                    optional: throws Refusal beyond the fields' ranges
 //
 // kind == element: a constraint C (rows values) on `arity` vertices with potential 1/2 k C^2, or,
 // with rows = 0, a force that is taken in full
@@ -38,13 +39,17 @@
 //   template <class T> SIM_HD static void rub(device, step, correction, v, d)
 //       after them, where the correction is not 0: friction and restitution on d; v is the velocity
 //       at the start of the substep
+//   template <class T> SIM_HD static Vec3<T> stop(device, step, rest_position, u, d)
+//       optional, at the very end: the correction of d that keeps a vertex from passing through
 #pragma once
 
+#include <limits>
 #include <string>
 #include <tuple>
 
 #include "sim/math.hpp"
 #include "sim/model.hpp"
+#include "sim/refusal.hpp"
 
 namespace viscera::sim {
 
@@ -62,6 +67,13 @@ template <class T>
 struct Step {
   T dt;
   T time;  // at its end, from the start of the scene
+};
+
+// Whether a contact effect has the last word on where a vertex may go.
+template <class Effect, class T>
+inline constexpr bool can_stop = requires(const typename Effect::template Device<T>& device,
+                                          const Step<T>& step, const Vec3<T>& a) {
+  Effect::stop(device, step, a, a, a);
 };
 
 // Numbers that an effect keeps of each element from one substep to the next.
@@ -98,6 +110,9 @@ SIM_HD void without_reference(Evaluation<T, rows, arity>& out) {
   for (int row = 0; row < rows; ++row) out.remainder[row] = out.value[row];
   for (int i = 0; i < arity; ++i) out.preload[i] = Vec3<T>{};
 }
+
+// The default of a parameter that a scene has to give.
+inline constexpr double required = std::numeric_limits<double>::quiet_NaN();
 
 // One parameter of an effect as a scene writes it. `member` points into the effect's Params; its
 // type is double, Vec3<double> or std::string. Closed range [lo, hi] in the SI unit named, of every
@@ -138,6 +153,14 @@ constexpr Field<Params, std::string> field_of(const Field<Part, std::string>& f)
 template <class Params, class... Part>
 constexpr auto fields_of(const std::tuple<Part...>& part) {
   return std::apply([](const auto&... f) { return std::tuple{field_of<Params>(f)...}; }, part);
+}
+
+// For an effect's check(): a vector that is to have a direction.
+inline void require_direction(const Vec3<double>& vector, const std::string& field,
+                              const std::string& example) {
+  if (norm(vector) > 0.0) return;
+  throw Refusal(Refusal::Cause::scene, field, "a vector of length 0",
+                "a direction, for example " + example);
 }
 
 }  // namespace viscera::sim

@@ -4,6 +4,8 @@
 #include <tuple>
 #include <vector>
 
+#include "sim/effects/attachments.hpp"
+#include "sim/effects/colliders.hpp"
 #include "sim/effects/corotational.hpp"
 #include "sim/effects/distance.hpp"
 #include "sim/effects/fibre.hpp"
@@ -41,7 +43,8 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Viscosity, Pressure, NeoHookean, Linear, StVK, Corotational, Distance,
-               Volume, Fibre, Prony, Spring, Ground>;
+using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, NeoHookean, Linear, StVK,
+                           Corotational, Distance, Volume, Fibre, Prony, Spring, Ground,
+                           Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

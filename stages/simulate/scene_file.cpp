@@ -175,18 +175,24 @@ class SceneReader {
 
   template <class Params>
   static Param declare(const sim::Field<Params, double>& field, const Params& defaults) {
-    const double fallback = defaults.*field.member;
-    const std::string unit = field.unit;
-    return quantity(field.name, fmt::format("{}{}", fallback, unit == "1" ? "" : " " + unit),
-                    field.unit, field.lo, field.hi, field.doc);
+    return quantity(field.name, fallback(defaults.*field.member, field.unit), field.unit, field.lo,
+                    field.hi, field.doc);
   }
   template <class Params>
   static Param declare(const sim::Field<Params, sim::Vec3<double>>& field, const Params& defaults) {
     const auto& v = defaults.*field.member;
+    Json list = Json::array(
+        {fallback(v.x, field.unit), fallback(v.y, field.unit), fallback(v.z, field.unit)});
     return {.name = field.name,
             .type = ParamType::list,
-            .fallback = Json::array({v.x, v.y, v.z}),
+            .fallback = list[0].is_null() ? Json(nullptr) : std::move(list),
+            .unit = field.unit,
             .doc = field.doc};
+  }
+  // As a scene would write it; null for what it has to give.
+  static Json fallback(double value, const std::string& unit) {
+    if (std::isnan(value)) return nullptr;
+    return unit == "1" ? Json(value) : Json(fmt::format("{} {}", value, unit));
   }
 
   template <class Params>
