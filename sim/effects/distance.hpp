@@ -7,10 +7,11 @@
 //   k = 5/2 mu sum_tets V / L^2,
 //
 // which for nu = 1/4, where 5/2 mu = E, is van Gelder's formula k = E sum V / L^2 ("Approximate
-// simulation of elastic membranes by triangulated spring meshes", J. Graphics Tools 1998). A network
-// of springs has nu = 1/4 whatever the label says (Cauchy's relation lambda = mu): alone it has
-// Young's modulus 5/2 mu = 5 E / (4 (1 + nu)); with `volume` beside it the label's E and nu but for
-// what volume.hpp says. Meshes have no edges in all directions alike: E varies with the direction.
+// simulation of elastic membranes by triangulated spring meshes", J. Graphics Tools 1998). A
+// network of springs has nu = 1/4 whatever the label says (Cauchy's relation lambda = mu): alone it
+// has Young's modulus 5/2 mu = 5 E / (4 (1 + nu)); with `volume` beside it the label's E and nu but
+// for what volume.hpp says. Meshes have no edges in all directions alike: E varies with the
+// direction.
 //
 // With e the edge at rest and w the difference of its ends' displacements,
 // C = (2 e.w + w.w) / (|e + w| + L): small strains do not cancel.

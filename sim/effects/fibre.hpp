@@ -22,9 +22,9 @@ struct Fibre {
   static constexpr int rows = 1;
 
   struct Params {
-    double stiffness = required;            // Pa, Young's modulus that the fibres add
+    double stiffness = required;               // Pa, Young's modulus that the fibres add
     Vec3<double> direction = {0.0, 0.0, 1.0};  // LPS; need not have unit length
-    std::string label;                      // empty: all
+    std::string label;                         // empty: all
   };
   static constexpr auto fields() {
     return std::tuple{

@@ -8,7 +8,8 @@ namespace viscera::sim {
 
 struct Linear : Hookean<Linear> {
   static constexpr const char* name = "linear";
-  static constexpr const char* doc = "linear elasticity with each label's E and nu; small rotations";
+  static constexpr const char* doc =
+      "linear elasticity with each label's E and nu; small rotations";
 
   template <class T>
   SIM_HD static Strain<T> strain(const Mat3<T>& h) {

@@ -43,8 +43,8 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, NeoHookean, Linear, StVK,
-                           Corotational, Distance, Volume, Fibre, Prony, Spring, Ground,
+using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, NeoHookean, Linear,
+                           StVK, Corotational, Distance, Volume, Fibre, Prony, Spring, Ground,
                            Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

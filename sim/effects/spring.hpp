@@ -54,8 +54,8 @@ struct Spring {
   }
 
   template <class T>
-  static Rest<T> rest(const Model&, const PatchVertices& patch, std::size_t e,
-                      const Params& params, double) {
+  static Rest<T> rest(const Model&, const PatchVertices& patch, std::size_t e, const Params& params,
+                      double) {
     return {.stiffness = static_cast<T>(params.stiffness * patch.area[e])};
   }
 
