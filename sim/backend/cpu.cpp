@@ -157,7 +157,8 @@ class CpuSolver final : public Solver {
     for_each_slot<EffectKind::motion>(program_.effects, [&]<class Effect>(const auto& effect) {
       for (const int i : effect.vertices) {
         if (i < mine.begin || i >= mine.end) continue;
-        d_[i].v = Effect::target(effect.device, program_.rest[i], step.time) - u_[i].v;
+        d_[i].v =
+            Effect::target(effect.device, program_.rest[i], static_cast<T>(step.time)) - u_[i].v;
       }
     });
   }

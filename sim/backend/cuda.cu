@@ -108,7 +108,7 @@ __global__ void solve_color(int first, int last, const std::array<int, Effect::a
 // device, and the last kernel of a substep raises it.
 template <class T>
 __device__ Step<T> step_after(const unsigned long long* done, double dt) {
-  return {static_cast<T>(dt), static_cast<T>(static_cast<double>(*done + 1) * dt)};
+  return {static_cast<T>(dt), static_cast<double>(*done + 1) * dt};
 }
 
 template <class Effect, class T>
@@ -118,7 +118,7 @@ __global__ void move(int count, const int* vertices, typename Effect::template D
   const int k = global_thread();
   if (k >= count) return;
   const int i = vertices[k];
-  d[i] = Effect::target(device, rest[i], step_after<T>(done, dt).time) - u[i];
+  d[i] = Effect::target(device, rest[i], static_cast<T>(step_after<T>(done, dt).time)) - u[i];
 }
 
 template <class Effect, class T>
@@ -398,10 +398,9 @@ std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
     throw Refusal(Refusal::Cause::device, "device", device.why_not, "a CUDA device and its driver",
                   "use device: cpu or auto");
   }
-  if (options.method != Method::xpbd || options.scheme != Scheme::gauss_seidel ||
-      options.iterations != 1) {
-    throw Refusal(Refusal::Cause::device, "device", "cuda with this solver",
-                  "xpbd by gauss_seidel with one iteration a substep", "use device: cpu");
+  if (const std::string lacks = what_cuda_lacks(scene, options); !lacks.empty()) {
+    throw Refusal(Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
+                  "xpbd by gauss_seidel with one iteration a substep", "use device: cpu or auto");
   }
   if (options.precision == Precision::fp64) {
     return std::make_unique<XpbdCuda<double>>(model, scene, *device.name);

@@ -2,7 +2,8 @@
 // start to a stop (a tool that presses or pulls). Friction and restitution as in contact.hpp, on
 // velocities relative to the obstacle. Positions are those of the patient (LPS, m). What touches
 // are the body's vertices: an obstacle smaller than the triangles of a surface fits between them.
-// Single precision resolves a surface to 1e-7 of the obstacle's size.
+// Distances are taken in double whatever T: the spacing of floats at the size of an obstacle is a
+// good part of what a vertex at rest sinks in within a substep, g dt^2, from which friction comes.
 //
 // Every shape is convex and says how far a point is from its surface. A vertex that starts a
 // substep outside is followed along its path relative to the obstacle: with n the normal at the
@@ -40,19 +41,18 @@ struct Travel {
 };
 
 // (distance, normal) of a body of constant radius around the point or line that `away` leads from.
-template <class T>
-SIM_HD T round_distance(const Vec3<T>& away, T radius, Vec3<T>& normal) {
-  const T length = norm(away);
-  normal = length > T(0) ? (T(1) / length) * away : Vec3<T>{T(0), T(0), T(1)};
+SIM_HD double round_distance(const Vec3<double>& away, double radius, Vec3<double>& normal) {
+  const double length = norm(away);
+  normal = length > 0.0 ? (1.0 / length) * away : Vec3<double>{0.0, 0.0, 1.0};
   return length - radius;
 }
 
 // A shape has
 //   name, doc, Params with fields() (and check(), if need be)
-//   template <class T> struct Solid          numbers of type T, about an anchor
+//   struct Solid          numbers about an anchor
 //   static Vec3<double> anchor(params, origin)                   in the model's frame
-//   template <class T> static Solid<T> solid(params)
-//   template <class T> SIM_HD static T distance(solid, p, Vec3<T>& normal)   p from the anchor
+//   static Solid solid(params)
+//   SIM_HD static double distance(solid, p, Vec3<double>& normal)   p from the anchor
 //   static double half_width(params)         the smallest; infinity: cannot be passed
 struct Plane {
   static constexpr const char* name = "plane";
@@ -74,21 +74,14 @@ struct Plane {
     return (1.0 / norm(params.normal)) * params.normal;
   }
 
-  template <class T>
   struct Solid {
-    Vec3<T> normal;
+    Vec3<double> normal;
   };
-  // The plane's point nearest to the body: small numbers, wherever the scene's point is.
   static Vec3<double> anchor(const Params& params, const Vec3<double>& origin) {
-    const Vec3<double> n = unit_normal(params);
-    return dot(n, params.point - origin) * n;
+    return params.point - origin;
   }
-  template <class T>
-  static Solid<T> solid(const Params& params) {
-    return {cast<T>(unit_normal(params))};
-  }
-  template <class T>
-  SIM_HD static T distance(const Solid<T>& plane, const Vec3<T>& p, Vec3<T>& normal) {
+  static Solid solid(const Params& params) { return {unit_normal(params)}; }
+  SIM_HD static double distance(const Solid& plane, const Vec3<double>& p, Vec3<double>& normal) {
     normal = plane.normal;
     return dot(plane.normal, p);
   }
@@ -108,19 +101,14 @@ struct Sphere {
     }
   };
 
-  template <class T>
   struct Solid {
-    T radius;
+    double radius;
   };
   static Vec3<double> anchor(const Params& params, const Vec3<double>& origin) {
     return params.center - origin;
   }
-  template <class T>
-  static Solid<T> solid(const Params& params) {
-    return {static_cast<T>(params.radius)};
-  }
-  template <class T>
-  SIM_HD static T distance(const Solid<T>& ball, const Vec3<T>& p, Vec3<T>& normal) {
+  static Solid solid(const Params& params) { return {params.radius}; }
+  SIM_HD static double distance(const Solid& ball, const Vec3<double>& p, Vec3<double>& normal) {
     return round_distance(p, ball.radius, normal);
   }
   static double half_width(const Params& params) { return params.radius; }
@@ -141,25 +129,21 @@ struct Capsule {
     }
   };
 
-  template <class T>
   struct Solid {
-    Vec3<T> axis;               // from the anchor, one end, to the other
-    T inverse_squared, radius;  // 1/|axis|^2, 0 for a ball
+    Vec3<double> axis;               // from the anchor, one end, to the other
+    double inverse_squared, radius;  // 1/|axis|^2, 0 for a ball
   };
   static Vec3<double> anchor(const Params& params, const Vec3<double>& origin) {
     return params.from - origin;
   }
-  template <class T>
-  static Solid<T> solid(const Params& params) {
+  static Solid solid(const Params& params) {
     const Vec3<double> axis = params.to - params.from;
     const double squared = dot(axis, axis);
-    return {cast<T>(axis), static_cast<T>(squared > 0.0 ? 1.0 / squared : 0.0),
-            static_cast<T>(params.radius)};
+    return {axis, squared > 0.0 ? 1.0 / squared : 0.0, params.radius};
   }
-  template <class T>
-  SIM_HD static T distance(const Solid<T>& rod, const Vec3<T>& p, Vec3<T>& normal) {
-    const T along = dot(p, rod.axis) * rod.inverse_squared;
-    const T share = along < T(0) ? T(0) : along > T(1) ? T(1) : along;
+  SIM_HD static double distance(const Solid& rod, const Vec3<double>& p, Vec3<double>& normal) {
+    const double along = dot(p, rod.axis) * rod.inverse_squared;
+    const double share = along < 0.0 ? 0.0 : along > 1.0 ? 1.0 : along;
     return round_distance(p - share * rod.axis, rod.radius, normal);
   }
   static double half_width(const Params& params) { return params.radius; }
@@ -181,32 +165,29 @@ struct Box {
     }
   };
 
-  template <class T>
   struct Solid {
-    Mat3<T> axes;  // columns: the box's own
-    Vec3<T> half;
+    Mat3<double> axes;  // columns: the box's own
+    Vec3<double> half;
   };
   static Vec3<double> anchor(const Params& params, const Vec3<double>& origin) {
     return params.center - origin;
   }
-  template <class T>
-  static Solid<T> solid(const Params& params) {
-    return {cast<T>(rotation_matrix(params.rotation)), cast<T>(0.5 * params.size)};
+  static Solid solid(const Params& params) {
+    return {rotation_matrix(params.rotation), 0.5 * params.size};
   }
-  template <class T>
-  SIM_HD static T distance(const Solid<T>& box, const Vec3<T>& p, Vec3<T>& normal) {
-    const T x[3] = {dot(box.axes.col[0], p), dot(box.axes.col[1], p), dot(box.axes.col[2], p)};
-    const T half[3] = {box.half.x, box.half.y, box.half.z};
-    Vec3<T> out = {};
+  SIM_HD static double distance(const Solid& box, const Vec3<double>& p, Vec3<double>& normal) {
+    const double x[3] = {dot(box.axes.col[0], p), dot(box.axes.col[1], p), dot(box.axes.col[2], p)};
+    const double half[3] = {box.half.x, box.half.y, box.half.z};
+    Vec3<double> out = {};
     int face = 0;  // the nearest from within
-    T within = -std::numeric_limits<T>::infinity();
+    double within = -std::numeric_limits<double>::infinity();
     for (int i = 0; i < 3; ++i) {
-      const T side = x[i] < T(0) ? T(-1) : T(1), beyond = side * x[i] - half[i];
-      if (beyond > T(0)) out += (side * beyond) * box.axes.col[i];
+      const double side = x[i] < 0.0 ? -1.0 : 1.0, beyond = side * x[i] - half[i];
+      if (beyond > 0.0) out += (side * beyond) * box.axes.col[i];
       if (beyond > within) within = beyond, face = i;
     }
-    if (within > T(0)) return round_distance(out, T(0), normal);
-    normal = (x[face] < T(0) ? T(-1) : T(1)) * box.axes.col[face];
+    if (within > 0.0) return round_distance(out, 0.0, normal);
+    normal = (x[face] < 0.0 ? -1.0 : 1.0) * box.axes.col[face];
     return within;
   }
   static double half_width(const Params& params) {
@@ -247,34 +228,37 @@ struct Collider {
 
   template <class T>
   struct Device {
-    typename Shape::template Solid<T> solid;
-    Vec3<T> anchor;    // m, before it moves
-    Vec3<T> velocity;  // m/s
-    T start, stop;     // s
-    T deepest;         // m, that stop() leaves a vertex inside
+    typename Shape::Solid solid;
+    Vec3<double> anchor;    // m, before it moves
+    Vec3<double> velocity;  // m/s
+    double start, stop;     // s
+    double deepest;         // m, that stop() leaves a vertex inside
     Roughness<T> surface;
   };
 
   template <class T>
   static Device<T> device(const Model& model, const Params& params) {
     refuse_overlap(model, params);
-    return {Shape::template solid<T>(params), cast<T>(Shape::anchor(params, model.origin)),
-            cast<T>(params.velocity),         static_cast<T>(params.start),
-            static_cast<T>(params.stop),      static_cast<T>(0.25 * Shape::half_width(params)),
+    return {Shape::solid(params),
+            Shape::anchor(params, model.origin),
+            params.velocity,
+            params.start,
+            params.stop,
+            0.25 * Shape::half_width(params),
             params.template roughness<T>()};
   }
 
   template <class T>
   SIM_HD static Vec3<T> push(const Device<T>& it, const Step<T>& step, const Vec3<T>& rest,
                              const Vec3<T>& u, const Vec3<T>& d) {
-    const Face<T> face = meet(it, step, rest, u, d);
-    return face.depth > T(0) ? face.depth * face.normal : Vec3<T>{};
+    const Face face = meet(it, step, rest, u, d);
+    return face.depth > 0.0 ? cast<T>(face.depth * face.normal) : Vec3<T>{};
   }
 
   template <class T>
   SIM_HD static void rub(const Device<T>& it, const Step<T>& step, const Vec3<T>& correction,
                          const Vec3<T>& v, Vec3<T>& d) {
-    const Vec3<T> moved = moving_time(it, step) * it.velocity;
+    const Vec3<T> moved = cast<T>(moving_time(it, step) * it.velocity);
     const T depth = norm(correction);
     Vec3<T> relative = d - moved;
     rub_and_bounce((T(1) / depth) * correction, depth, it.surface, step.dt,
@@ -285,15 +269,15 @@ struct Collider {
   template <class T>
   SIM_HD static Vec3<T> stop(const Device<T>& it, const Step<T>& step, const Vec3<T>& rest,
                              const Vec3<T>& u, const Vec3<T>& d) {
-    const Face<T> face = meet(it, step, rest, u, d);
-    const T excess = face.depth - it.deepest;
-    return excess > T(0) ? excess * face.normal : Vec3<T>{};
+    const Face face = meet(it, step, rest, u, d);
+    const double excess = face.depth - it.deepest;
+    return excess > 0.0 ? cast<T>(excess * face.normal) : Vec3<T>{};
   }
 
  private:
   // An overlap at the start would be thrown out at its depth over the substep.
   static void refuse_overlap(const Model& model, const Params& params) {
-    const auto solid = Shape::template solid<double>(params);
+    const auto solid = Shape::solid(params);
     const Vec3<double> anchor = Shape::anchor(params, model.origin);
     const double rounding = 1e-9 * model.size();
     double deepest = 0.0;
@@ -313,45 +297,44 @@ struct Collider {
                   "an obstacle that the body does not overlap", "move it away, and let it come");
   }
 
-  template <class T>
   struct Face {
-    Vec3<T> normal;
-    T depth;  // of the vertex below it, m; not positive: no contact
+    Vec3<double> normal;
+    double depth;  // of the vertex below it, m; not positive: no contact
   };
 
-  // How long the obstacle moves in this substep, without the difference of two times.
+  // How long the obstacle moves in this substep.
   template <class T>
-  SIM_HD static T moving_time(const Device<T>& it, const Step<T>& step) {
-    const T waits = it.start - (step.time - step.dt), rests = step.time - it.stop;
-    const T time = step.dt - (waits > T(0) ? waits : T(0)) - (rests > T(0) ? rests : T(0));
-    return time > T(0) ? time : T(0);
+  SIM_HD static double moving_time(const Device<T>& it, const Step<T>& step) {
+    const double waits = it.start - (step.time - step.dt), rests = step.time - it.stop;
+    const double time = step.dt - (waits > 0.0 ? waits : 0.0) - (rests > 0.0 ? rests : 0.0);
+    return time > 0.0 ? time : 0.0;
   }
 
   template <class T>
-  SIM_HD static Face<T> meet(const Device<T>& it, const Step<T>& step, const Vec3<T>& rest,
-                             const Vec3<T>& u, const Vec3<T>& d) {
-    const T until = step.time < it.stop ? step.time : it.stop;
-    const T travelled = until > it.start ? until - it.start : T(0);
-    const Vec3<T> path = d - moving_time(it, step) * it.velocity;
-    const Vec3<T> end = ((rest - it.anchor) - travelled * it.velocity) + (u + d);
-    Vec3<T> at = end - path, normal, nearest;
-    T gap = Shape::distance(it.solid, at, normal);
-    if (gap > T(0) && !enters(it.solid, path, at, normal, gap)) return {normal, T(-1)};
-    const T over = Shape::distance(it.solid, end, nearest);
-    if (dot(nearest, normal) > T(0.5)) return {nearest, -over};
+  SIM_HD static Face meet(const Device<T>& it, const Step<T>& step, const Vec3<T>& rest,
+                          const Vec3<T>& u, const Vec3<T>& d) {
+    const double until = step.time < it.stop ? step.time : it.stop;
+    const double travelled = until > it.start ? until - it.start : 0.0;
+    const Vec3<double> path = cast<double>(d) - moving_time(it, step) * it.velocity;
+    const Vec3<double> end = cast<double>(rest) + cast<double>(u) + cast<double>(d) -
+                             (it.anchor + travelled * it.velocity);
+    Vec3<double> at = end - path, normal, nearest;
+    double gap = Shape::distance(it.solid, at, normal);
+    if (gap > 0.0 && !enters(it.solid, path, at, normal, gap)) return {normal, -1.0};
+    const double over = Shape::distance(it.solid, end, nearest);
+    if (dot(nearest, normal) > 0.5) return {nearest, -over};
     return {normal, -(gap + dot(normal, end - at))};
   }
 
   // Moves `at` along `path` to the surface; normal and gap are those there.
-  template <class T>
-  SIM_HD static bool enters(const typename Shape::template Solid<T>& solid, const Vec3<T>& path,
-                            Vec3<T>& at, Vec3<T>& normal, T& gap) {
+  SIM_HD static bool enters(const typename Shape::Solid& solid, const Vec3<double>& path,
+                            Vec3<double>& at, Vec3<double>& normal, double& gap) {
     constexpr int most = 16;  // the planes close in quadratically
-    const Vec3<T> start = at;
-    const T close = T(1e-3) * norm(path);
-    T share = T(0);
+    const Vec3<double> start = at;
+    const double close = 1e-3 * norm(path);
+    double share = 0.0;
     for (int i = 0; i < most && gap > close; ++i) {
-      const T approach = -dot(normal, path);
+      const double approach = -dot(normal, path);
       if (!(share * approach + gap <= approach)) return false;
       share += gap / approach;
       at = start + share * path;

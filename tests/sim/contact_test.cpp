@@ -202,9 +202,7 @@ TYPED_TEST(Obstacle, AToolPushesWhatItTouchesWithItsVelocityWhileItMoves) {
     for (int frame = 1; frame <= 21; ++frame) {
       solver->advance_frame();
       const double tool = -0.01 + 0.1 * std::max(0.0, frame / 60.0 - 0.1);
-      // Single precision knows where a sphere's surface is to 1e-7 of its radius.
-      EXPECT_NEAR(lowest(), std::max(-5e-5, tool), precision == Precision::fp64 ? 2e-6 : 1e-5)
-          << "frame " << frame;
+      EXPECT_NEAR(lowest(), std::max(-5e-5, tool), 2e-6) << "frame " << frame;
     }
     for (const auto& v : solver->state().v) EXPECT_NEAR(v.z, 0.1, 1e-3);
     for (int frame = 0; frame < 9; ++frame) solver->advance_frame();
