@@ -50,6 +50,7 @@ class FemSystem {
   void refresh() { linear_->refresh(); }
 
   bool is_free(int node) const { return dof_[node] >= 0; }
+  const Eigen::SparseMatrix<double>& matrix() const { return lower_; }  // lower half; whole blocks
   int free_count() const { return static_cast<int>(nodes_.size()); }
 
   // K = 0, r = residual. `moves` is what the nodes that are not free are about to do, m.
