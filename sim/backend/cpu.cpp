@@ -116,6 +116,7 @@ class CpuSolver final : public Solver {
   }
 
  private:
+  static constexpr int shared_groups = 4;  // a thread's least part of a colour that is shared out
   static constexpr std::size_t step_part = Effects::size;  // what is not one effect's
   using Seconds = std::array<double, Effects::size + 1>;
 
@@ -198,10 +199,19 @@ class CpuSolver final : public Solver {
   template <class Elements>
   void sweep_colors(Elements& own, Sweep<T> sweep, int rank) {
     const SweepFields<T> fields = fields_of(own);
-    for (const Range color : own.packed.colors) {
-      sweep(own.packed.groups.data(), part_of(color, rank, team_.size()), fields);
+    const auto& colors = own.packed.colors;
+    // The last colours hold a few elements each: one thread takes them without waiting in between.
+    const auto tail = std::ranges::find_if(colors, [this](Range color) {
+      return color.end - color.begin < shared_groups * team_.size();
+    });
+    for (auto color = colors.begin(); color != tail; ++color) {
+      sweep(own.packed.groups.data(), part_of(*color, rank, team_.size()), fields);
       team_.barrier();
     }
+    if (rank == 0 && tail != colors.end()) {
+      sweep(own.packed.groups.data(), {tail->begin, colors.back().end}, fields);
+    }
+    team_.barrier();
   }
 
   // Jacobi: all elements from the same d, then each vertex sums what is its own, in a fixed order.

@@ -12,4 +12,11 @@ std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
   return make_cpu(model, scene, options);
 }
 
+std::string what_cuda_lacks(const Scene&, const SolverOptions& options) {
+  if (options.method != Method::xpbd) return "this solver";
+  if (options.scheme != Scheme::gauss_seidel) return "this scheme";
+  if (options.iterations != 1) return "several iterations a substep";
+  return "";
+}
+
 }  // namespace viscera::sim
