@@ -32,7 +32,12 @@ Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scen
   const int first_frame = static_cast<int>(solver.state().step / scene.time.substeps);
   for (int index = first_frame; index <= last_frame; ++index) {
     const auto begin = Clock::now();
-    if (index > first_frame) solver.advance_frame();
+    try {
+      if (index > first_frame) solver.advance_frame();
+    } catch (const sim::Diverged& diverged) {
+      outcome.divergence = diverged.what();
+      return outcome;
+    }
     const double ms = 1e3 * std::chrono::duration<double>(Clock::now() - begin).count();
 
     sim::State state = solver.state();

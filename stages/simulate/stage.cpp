@@ -12,6 +12,7 @@
 #include "pipeline/contract/log.hpp"
 #include "sim/refusal.hpp"
 #include "sim/stability.hpp"
+#include "sim/start.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
 #include "stages/simulate/body.hpp"
@@ -250,8 +251,10 @@ void simulate(StageRun& run) {
   log::info("{} tets, {} vertices on {}; effects: {}", model.tet_count(), model.vertex_count(),
             solver->device(), fmt::join(effects_on(file.scene), ", "));
   if (run.has_input("checkpoint")) {
-    solver->set_state(
-        read_checkpoint(run.input("checkpoint"), model.vertex_count(), file.scene.time));
+    const sim::State start =
+        read_checkpoint(run.input("checkpoint"), model.vertex_count(), file.scene.time);
+    check_start(model, start);
+    solver->set_state(start);
   }
   TrajectoryWriter trajectory(run.out(""), mesh);
   MetricsFile metrics(run.out("metrics.csv"));
