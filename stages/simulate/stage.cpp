@@ -139,13 +139,13 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
   run.metric("stability_Cs_tet", stability.cs_tet);
   run.metric("stability_kappa_max", stability.kappa_max);
   run.metric("altitude_min", m_to_mm * stability.altitude_min, "mm");
+  const sim::StabilityLimit& limit = stability.limit;
   if (scene.time.substeps != asked_substeps) {
-    log::warn("substeps raised from {} to {} a frame, so that Cs is {:.2f} (limit {:.1f})",
-              asked_substeps, scene.time.substeps, stability.cs_max, sim::cs_limit);
-  } else if (stability.cs_max > sim::cs_limit) {
-    log::warn(
-        "Cs is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
-        stability.cs_max, stability.cs_tet, sim::cs_limit, stability.substeps_needed);
+    log::warn("substeps raised from {} to {} a frame, so that {} is {:.2f} (limit {:.1f})",
+              asked_substeps, scene.time.substeps, limit.name, limit.value, limit.at_most);
+  } else if (limit.value > limit.at_most) {
+    log::warn("{} is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
+              limit.name, limit.value, limit.tet, limit.at_most, stability.substeps_needed);
   }
   log::info("Cs {:.3f}, kappa {:.3f}, {} substeps of {:.3g} ms", stability.cs_max,
             stability.kappa_max, scene.time.substeps, 1e3 * scene.time.substep_s());
@@ -241,7 +241,7 @@ void simulate(StageRun& run) {
   const TetMesh mesh = read_vtu(run.input("mesh"));
   const sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
   const int asked_substeps = file.scene.time.substeps;
-  const sim::Stability stability = apply_policy(model, file.scene);
+  const sim::Stability stability = apply_policy(model, file.scene, solver_options(run).method);
   report_stability(run, stability, file.scene, asked_substeps);
   report_viscosity(run, model, file.scene);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");

@@ -17,18 +17,19 @@ std::vector<Entrant> entrants() {
     all.push_back({"xpbd jacobi, split 4", with(Method::xpbd, Scheme::jacobi)});
     all.push_back({"tled", with(Method::tled, Scheme::jacobi)});
   }
+  all.push_back({"fem", {.method = Method::fem, .precision = Precision::fp64, .threads = 1}});
   return all;
 }
 
-void add_case(std::vector<Row>& rows, const char* section, const char* name, const CaseRun& run,
-              bool may_refuse) {
+void add_case(std::vector<Row>& rows, const char* section, const std::string& name,
+              const CaseRun& run, bool may_refuse) {
   for (const auto& [solver, options] : entrants()) {
     rows.push_back({section, name, solver, options.precision == Precision::fp32 ? "fp32" : "fp64",
                     [run, options] { return run(options); }, may_refuse});
   }
 }
 
-void add_case(std::vector<Row>& rows, const char* section, const char* name,
+void add_case(std::vector<Row>& rows, const char* section, const std::string& name,
               const std::function<Outcome()>& run) {
   rows.push_back({section, name, "any", "–", run});
 }

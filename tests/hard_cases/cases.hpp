@@ -15,10 +15,10 @@ std::vector<Entrant> entrants();
 
 // One row for every entrant.
 using CaseRun = std::function<Outcome(const SolverOptions&)>;
-void add_case(std::vector<Row>& rows, const char* section, const char* name, const CaseRun& run,
-              bool may_refuse = false);
+void add_case(std::vector<Row>& rows, const char* section, const std::string& name,
+              const CaseRun& run, bool may_refuse = false);
 // One row for what no solver sees.
-void add_case(std::vector<Row>& rows, const char* section, const char* name,
+void add_case(std::vector<Row>& rows, const char* section, const std::string& name,
               const std::function<Outcome()>& run);
 
 void add_shape_cases(std::vector<Row>& rows);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -68,7 +69,17 @@ double miss_of(const Outcome& outcome) {
 void run_rows(std::vector<Row>& rows) {
   std::atomic<std::size_t> next = 0;
   const auto work = [&] {
-    for (std::size_t i = next++; i < rows.size(); i = next++) run_row(rows[i]);
+    for (std::size_t i = next++; i < rows.size(); i = next++) {
+      auto t0 = std::chrono::steady_clock::now();
+      if (getenv("CASE") && rows[i].name.find(getenv("CASE")) == std::string::npos &&
+          rows[i].solver.find(getenv("CASE")) == std::string::npos)
+        continue;
+      run_row(rows[i]);
+      if (getenv("TIMES"))
+        fmt::print(stderr, "{:.2f} s {} {} {}\n",
+                   std::chrono::duration<double>(std::chrono::steady_clock::now() - t0).count(),
+                   rows[i].name, rows[i].solver, rows[i].precision);
+    }
   };
   std::vector<std::jthread> crew;
   for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) crew.emplace_back(work);

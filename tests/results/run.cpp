@@ -6,8 +6,10 @@
 namespace viscera::sim {
 namespace {
 
-Scene after_policy(const Model& model, Scene scene) {
-  apply_policy(model, scene);
+// Implicit steps are larger: two where the others take 64.
+Scene after_policy(const Model& model, Scene scene, Method method) {
+  if (method == Method::fem) scene.time.substeps = (scene.time.substeps + 31) / 32;
+  apply_policy(model, scene, method);
   return scene;
 }
 
@@ -15,7 +17,8 @@ Scene after_policy(const Model& model, Scene scene) {
 
 Run::Run(const Model& model, const Scene& scene, const SolverOptions& options)
     : model_(model),
-      scene_(after_policy(model, scene)),
+      scene_(after_policy(model, scene, options.method)),
+      options_(options),
       solver_(make_on_cpu(model, scene_, options)) {
   look();
 }
@@ -69,6 +72,15 @@ double Run::rigid_aligned_rms() const {
   const Eigen::Matrix3Xd copy =
       (best.topLeftCorner<3, 3>() * rest).colwise() + best.topRightCorner<3, 1>().eval();
   return (now - copy).norm() / std::sqrt(static_cast<double>(n)) / model_.size();
+}
+
+State equilibrium(const Model& model, const Scene& scene) {
+  SolverOptions newton{.method = Method::fem, .threads = 1};
+  newton.fem.time = FemOptions::Time::quasi_static;
+  newton.fem.tolerance = 1e-9;
+  const auto solver = make_on_cpu(model, scene, newton);
+  solver->advance_frame();
+  return solver->state();
 }
 
 State at_rest(const Model& model) {

@@ -11,6 +11,7 @@ namespace viscera::sim {
 class Run {
  public:
   Run(const Model& model, const Scene& scene, const SolverOptions& options);
+  Run(Model&&, const Scene&, const SolverOptions&) = delete;  // it keeps a reference
 
   void start_from(const State& state) { solver_->set_state(state), look(); }
   // False once the state is not finite: there is no point in going on.
@@ -24,6 +25,7 @@ class Run {
   const State& state() const { return state_; }
   const Diagnostics& now() const { return now_; }
   const Scene& scene() const { return scene_; }
+  Stability stability() const { return assess(model_, scene_.time, options_.method); }
   bool finite() const { return finite_; }
   double time() const { return frames_ * scene_.time.frame_s; }
   double peak_energy() const { return peak_energy_; }  // J, since the start
@@ -39,6 +41,7 @@ class Run {
 
   const Model& model_;
   Scene scene_;
+  SolverOptions options_;
   std::unique_ptr<Solver> solver_;
   State state_;
   Diagnostics now_;
@@ -46,6 +49,9 @@ class Run {
   int frames_ = 0;
   double peak_energy_ = 0.0, peak_speed_ = 0.0, min_j_ = 1.0;
 };
+
+// The equilibrium under the scene's forces that Newton finds on the same mesh, residual 1e-9.
+State equilibrium(const Model& model, const Scene& scene);
 
 State at_rest(const Model& model);
 // The state that takes every vertex from its rest position X to f(X).
