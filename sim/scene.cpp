@@ -1,5 +1,6 @@
 #include "sim/scene.hpp"
 
+#include <sstream>
 #include <string>
 
 #include "sim/refusal.hpp"
@@ -24,7 +25,9 @@ std::string text_of(double value) {
   return text.str();
 }
 std::string text_of(const Vec3<double>& v) {
-  return "[" + text_of(v.x) + ", " + text_of(v.y) + ", " + text_of(v.z) + "]";
+  std::ostringstream text;
+  text << '[' << v.x << ", " << v.y << ", " << v.z << ']';
+  return text.str();
 }
 
 // Every parameter of every effect within the range that its field states.
