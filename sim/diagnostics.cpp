@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <limits>
-#include <map>
+
+#include "sim/surface.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -56,22 +57,13 @@ double smoothness(const Model& model, const State& state) {
     const double j = 1.0 + NeoHookean::volume_strain(gradient_of(model, state, t));
     volume[t] = std::max(0.0, j * model.volume[t]);
   }
-  constexpr int faces[4][3] = {{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}};
-  std::map<std::array<int, 3>, std::size_t> open;
   double sum = 0.0;
   std::size_t pairs = 0;
-  for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    for (const auto& face : faces) {
-      std::array<int, 3> key = {model.tets[t][face[0]], model.tets[t][face[1]],
-                                model.tets[t][face[2]]};
-      std::ranges::sort(key);
-      const auto [other, is_new] = open.emplace(key, t);
-      if (is_new) continue;
-      const auto [low, high] = std::minmax(volume[t], volume[other->second]);
-      sum += high > 0.0 ? low / high : 0.0;
-      ++pairs;
-      open.erase(other);
-    }
+  for (const TetFace& face : tet_faces(model)) {
+    if (face.other < 0) continue;
+    const auto [low, high] = std::minmax(volume[face.tet], volume[face.other]);
+    sum += high > 0.0 ? low / high : 0.0;
+    ++pairs;
   }
   return pairs > 0 ? sum / static_cast<double>(pairs) : 1.0;
 }

@@ -8,41 +8,36 @@
 namespace viscera::sim {
 namespace {
 
-void require(bool holds, const char* field, const std::string& found, const char* allowed) {
+void require(bool holds, const std::string& field, const std::string& found,
+             const std::string& allowed) {
   if (!holds) throw Refusal(Refusal::Cause::scene, field, found, allowed);
 }
 
-bool is_within(double value, double lo, double hi) {
-  return value >= lo && value <= hi;  // false for NaN
+bool lies_within(double value, double lo, double hi) {
+  return lo <= value && value <= hi;
 }
-bool is_within(const Vec3<double>& value, double lo, double hi) {
-  return is_within(value.x, lo, hi) && is_within(value.y, lo, hi) && is_within(value.z, lo, hi);
+bool lies_within(const Vec3<double>& v, double lo, double hi) {
+  return lies_within(v.x, lo, hi) && lies_within(v.y, lo, hi) && lies_within(v.z, lo, hi);
 }
-
-std::string text_of(double value) {
-  std::ostringstream text;
-  text << value;
-  return text.str();
+std::string text(double value) {
+  std::ostringstream out;
+  out << value;
+  return out.str();
 }
-std::string text_of(const Vec3<double>& v) {
-  std::ostringstream text;
-  text << '[' << v.x << ", " << v.y << ", " << v.z << ']';
-  return text.str();
+std::string text(const Vec3<double>& v) {
+  return std::string("[") + text(v.x) + ", " + text(v.y) + ", " + text(v.z) + "]";
 }
 
-// Every parameter of every effect within the range that its field states.
-template <class Effect>
-void check_params(const typename Effect::Params& params) {
-  const auto check = [&params](const auto& field) {
-    if constexpr (requires { is_within(params.*field.member, field.lo, field.hi); }) {
-      const auto& value = params.*field.member;
-      if (is_within(value, field.lo, field.hi)) return;
-      throw Refusal(Refusal::Cause::scene,
-                    std::string("effects.") + Effect::name + "." + field.name, text_of(value),
-                    text_of(field.lo) + " to " + text_of(field.hi) + " " + field.unit);
-    }
-  };
-  std::apply([&check](const auto&... field) { (check(field), ...); }, Effect::fields());
+// Also finds what is required and missing: it is not a number.
+template <class Params>
+void check_range(const Field<Params, std::string>&, const Params&, const std::string&) {}
+template <class Params, class Value>
+void check_range(const Field<Params, Value>& field, const Params& params,
+                 const std::string& prefix) {
+  const Value& value = params.*field.member;
+  const std::string unit = field.unit == std::string("1") ? "" : std::string(" ") + field.unit;
+  require(lies_within(value, field.lo, field.hi), prefix + field.name, text(value) + unit,
+          text(field.lo) + " to " + text(field.hi) + unit + ": " + field.doc);
 }
 
 }  // namespace
@@ -57,17 +52,14 @@ void check_scene(const Scene& scene) {
   require(scene.rest.speed >= 0.0, "rest.speed", std::to_string(scene.rest.speed),
           "0 m/s or more (0: never at rest)");
   require(scene.rest.hold_s >= 0.0, "rest.hold", std::to_string(scene.rest.hold_s), "0 s or more");
-  Effects::for_each([&scene]<class Effect, std::size_t i>() {
-    for (const auto& params : std::get<i>(scene.effects)) check_params<Effect>(params);
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    for (const auto& params : std::get<i>(scene.effects)) {
+      const std::string prefix = std::string("effects.") + Effect::name + ".";
+      std::apply([&](const auto&... field) { (check_range(field, params, prefix), ...); },
+                 Effect::fields());
+      if constexpr (requires { Effect::check(params); }) Effect::check(params);
+    }
   });
-  for (const auto& gravity : scene.params<Gravity>()) {
-    require(norm(gravity.direction) > 0.0, "effects.gravity.direction", "a vector of length 0",
-            "a direction, for example [0, 0, -1]");
-  }
-  for (const auto& ground : scene.params<Ground>()) {
-    require(norm(ground.normal) > 0.0, "effects.ground.normal", "a vector of length 0",
-            "a direction, for example [0, 0, 1]");
-  }
 }
 
 }  // namespace viscera::sim

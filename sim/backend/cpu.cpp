@@ -46,8 +46,8 @@ class CpuSolver final : public Solver {
         layout_(model, program_, options),
         team_(thread_count(options.threads, model)),
         n_(layout_.vertices),
-        u_(n_ + 1),
-        d_(n_ + 1),
+        u_(n_),
+        d_(n_),
         v_(n_) {
     const T dt = static_cast<T>(program_.dt);
     for (int i = 0; i < n_; ++i) d_[i].w = program_.inverse_mass[i] * (dt * dt);
@@ -157,7 +157,8 @@ class CpuSolver final : public Solver {
     for_each_slot<EffectKind::motion>(program_.effects, [&]<class Effect>(const auto& effect) {
       for (const int i : effect.vertices) {
         if (i < mine.begin || i >= mine.end) continue;
-        d_[i].v = Effect::target(effect.device, program_.rest[i], step.time) - u_[i].v;
+        d_[i].v =
+            Effect::target(effect.device, program_.rest[i], static_cast<T>(step.time)) - u_[i].v;
       }
     });
   }
@@ -268,6 +269,10 @@ class CpuSolver final : public Solver {
     for_each_contact([&]<class Effect>(const auto& device, const std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
         if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i].v);
+        if constexpr (can_stop<Effect, T>) {
+          if (!(d_[i].w > T(0))) continue;
+          d_[i].v += Effect::stop(device, step, program_.rest[i], u_[i].v, d_[i].v);
+        }
       }
     });
   }
@@ -304,7 +309,7 @@ class CpuSolver final : public Solver {
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;
-  std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m; both with a spare vertex
+  std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m
   std::vector<Vec3<T>> v_;     // m/s
 };
 

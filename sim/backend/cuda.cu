@@ -108,7 +108,7 @@ __global__ void solve_color(int first, int last, const std::array<int, Effect::a
 // device, and the last kernel of a substep raises it.
 template <class T>
 __device__ Step<T> step_after(const unsigned long long* done, double dt) {
-  return {static_cast<T>(dt), static_cast<T>(static_cast<double>(*done + 1) * dt)};
+  return {static_cast<T>(dt), static_cast<double>(*done + 1) * dt};
 }
 
 template <class Effect, class T>
@@ -118,7 +118,7 @@ __global__ void move(int count, const int* vertices, typename Effect::template D
   const int k = global_thread();
   if (k >= count) return;
   const int i = vertices[k];
-  d[i] = Effect::target(device, rest[i], step_after<T>(done, dt).time) - u[i];
+  d[i] = Effect::target(device, rest[i], static_cast<T>(step_after<T>(done, dt).time)) - u[i];
 }
 
 template <class Effect, class T>
@@ -133,11 +133,15 @@ __global__ void push(int n, typename Effect::template Device<T> device, const T*
 }
 
 template <class Effect, class T>
-__global__ void rub(int n, typename Effect::template Device<T> device, const Vec3<T>* correction,
+__global__ void rub(int n, typename Effect::template Device<T> device, const T* w,
+                    const Vec3<T>* rest, const Vec3<T>* u, const Vec3<T>* correction,
                     const Vec3<T>* v, Vec3<T>* d, const unsigned long long* done, double dt) {
   const int i = global_thread();
-  if (i < n && touches(correction[i])) {
-    Effect::rub(device, step_after<T>(done, dt), correction[i], v[i], d[i]);
+  if (i >= n) return;
+  const Step<T> step = step_after<T>(done, dt);
+  if (touches(correction[i])) Effect::rub(device, step, correction[i], v[i], d[i]);
+  if constexpr (can_stop<Effect, T>) {
+    if (w[i] > T(0)) d[i] += Effect::stop(device, step, rest[i], u[i], d[i]);
   }
 }
 
@@ -346,7 +350,8 @@ class XpbdCuda final : public Solver {
     });
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
       rub<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, effect.device, effect.correction.get(), v_.get(), d_.get(), done_.get(), dt_);
+          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), effect.correction.get(),
+          v_.get(), d_.get(), done_.get(), dt_);
     });
     end<T>
         <<<blocks(n_), block_size, 0, stream_>>>(n_, d_.get(), dt, u_.get(), v_.get(), done_.get());

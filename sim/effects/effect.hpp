@@ -9,6 +9,7 @@
 //   static constexpr EffectKind kind;
 //   struct Params;                               SI values with their defaults
 //   static constexpr auto fields();              tuple of Field: how the scene writes the params
+//   static void check(params)                    optional: throws Refusal beyond the fields' ranges
 //
 // kind == element: a constraint C (rows values) on `arity` vertices with potential 1/2 k C^2, or,
 // with rows = 0, a force that is taken in full
@@ -38,12 +39,17 @@
 //   template <class T> SIM_HD static void rub(device, step, correction, v, d)
 //       after them, where the correction is not 0: friction and restitution on d; v is the velocity
 //       at the start of the substep
+//   template <class T> SIM_HD static Vec3<T> stop(device, step, rest_position, u, d)
+//       optional, at the very end: the correction of d that keeps a vertex from passing through
 #pragma once
 
+#include <limits>
+#include <string>
 #include <tuple>
 
 #include "sim/math.hpp"
 #include "sim/model.hpp"
+#include "sim/refusal.hpp"
 
 namespace viscera::sim {
 
@@ -60,7 +66,14 @@ inline constexpr bool is_projectable = [] {
 template <class T>
 struct Step {
   T dt;
-  T time;  // at its end, from the start of the scene
+  double time;  // at its end, from the start of the scene
+};
+
+// Whether a contact effect has the last word on where a vertex may go.
+template <class Effect, class T>
+inline constexpr bool can_stop = requires(const typename Effect::template Device<T>& device,
+                                          const Step<T>& step, const Vec3<T>& a) {
+  Effect::stop(device, step, a, a, a);
 };
 
 // Numbers that an effect keeps of each element from one substep to the next.
@@ -91,8 +104,12 @@ struct Evaluation<T, 0, arity> {
   Vec3<T> preload[arity];  // N
 };
 
+// The default of a parameter that a scene has to give.
+inline constexpr double required = std::numeric_limits<double>::quiet_NaN();
+
 // One parameter of an effect as a scene writes it. `member` points into the effect's Params; its
-// type is double or Vec3<double>. Closed range [lo, hi] in the SI unit named, of every component.
+// type is double, Vec3<double> or std::string. Closed range [lo, hi] in the SI unit named, of every
+// component.
 template <class Params, class Value>
 struct Field {
   const char* name;
@@ -102,8 +119,41 @@ struct Field {
   const char* doc;
 };
 
+// A parameter of type std::string: one of `choices`, "a|b|c", or empty; without choices any word.
+template <class Params>
+struct Field<Params, std::string> {
+  const char* name;
+  const char* choices;
+  std::string Params::*member;
+  const char* doc;
+};
+
 template <class Params, class Value>
 Field(const char*, const char*, Value Params::*, double, double, const char*)
     -> Field<Params, Value>;
+template <class Params>
+Field(const char*, const char*, std::string Params::*, const char*) -> Field<Params, std::string>;
+
+// A field of a part that Params derives from, as one of Params.
+template <class Params, class Part, class Value>
+constexpr Field<Params, Value> field_of(const Field<Part, Value>& f) {
+  return {f.name, f.unit, f.member, f.lo, f.hi, f.doc};
+}
+template <class Params, class Part>
+constexpr Field<Params, std::string> field_of(const Field<Part, std::string>& f) {
+  return {f.name, f.choices, f.member, f.doc};
+}
+template <class Params, class... Part>
+constexpr auto fields_of(const std::tuple<Part...>& part) {
+  return std::apply([](const auto&... f) { return std::tuple{field_of<Params>(f)...}; }, part);
+}
+
+// For an effect's check(): a vector that is to have a direction.
+inline void require_direction(const Vec3<double>& vector, const std::string& field,
+                              const std::string& example) {
+  if (norm(vector) > 0.0) return;
+  throw Refusal(Refusal::Cause::scene, field, "a vector of length 0",
+                "a direction, for example " + example);
+}
 
 }  // namespace viscera::sim

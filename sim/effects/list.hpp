@@ -4,6 +4,8 @@
 #include <tuple>
 #include <vector>
 
+#include "sim/effects/attachments.hpp"
+#include "sim/effects/colliders.hpp"
 #include "sim/effects/gravity.hpp"
 #include "sim/effects/ground.hpp"
 #include "sim/effects/neo_hookean.hpp"
@@ -32,6 +34,7 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Viscosity, NeoHookean, Ground>;
+using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, NeoHookean, Ground,
+                           Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

@@ -94,7 +94,7 @@ struct Program {
 
   // The substep that follows `done` substeps.
   Step<T> step(std::uint64_t done) const {
-    return {static_cast<T>(dt), static_cast<T>(static_cast<double>(done + 1) * dt)};
+    return {static_cast<T>(dt), static_cast<double>(done + 1) * dt};
   }
 };
 

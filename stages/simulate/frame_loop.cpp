@@ -36,7 +36,7 @@ Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scen
       if (index > first_frame) solver.advance_frame();
     } catch (const sim::Diverged& diverged) {
       outcome.divergence = diverged.what();
-      return outcome;
+      break;
     }
     const double ms = 1e3 * std::chrono::duration<double>(Clock::now() - begin).count();
 
