@@ -20,6 +20,7 @@
 //   template <class T> SIM_HD static void evaluate(rest, u, d, Evaluation<T, rows, arity>&)
 //       u[arity]: displacements at the start of the substep, d[arity]: displacements over it. T may
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
+//   static constexpr bool needs_rate = true;     a force of the rate alone: none at equilibrium
 //   An effect with a history also has
 //   static constexpr int memory;                 numbers that it keeps of each element, 0 at first
 //   template <class T> SIM_HD static void remember(rest, u, T memory[])   once at every substep
@@ -35,6 +36,7 @@
 //   static std::vector<int> regions(model, params)                 the region of each tet
 //   static double squared_frequency(shear, inertia)                from sum mu V and sum m r^2,
 //   1/s2
+// kind == self_contact: Params with a thickness and a friction (self_contact.hpp)
 // kind == contact: holds a vertex out of an obstacle
 //   template <class T> struct Device; static Device<T> device(model, params)
 //   template <class T> SIM_HD static Vec3<T> push(device, step, rest_position, u, d)
@@ -56,7 +58,7 @@
 
 namespace viscera::sim {
 
-enum class EffectKind { force, motion, element, region, contact };
+enum class EffectKind { force, motion, element, region, self_contact, contact };
 
 // Whether PBD can solve an effect: its constraints vanish at rest one by one.
 template <class Effect>

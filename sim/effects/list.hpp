@@ -9,6 +9,7 @@
 #include "sim/effects/gravity.hpp"
 #include "sim/effects/ground.hpp"
 #include "sim/effects/neo_hookean.hpp"
+#include "sim/effects/self_contact.hpp"
 #include "sim/effects/shape_matching.hpp"
 #include "sim/effects/viscosity.hpp"
 
@@ -35,7 +36,8 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, NeoHookean, ShapeMatching, Ground,
-                           Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
+using Effects =
+    EffectList<Gravity, Fixed, Prescribed, Viscosity, NeoHookean, ShapeMatching, SelfContact,
+               Ground, Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

@@ -55,11 +55,7 @@ struct NeoHookean {
     const Mat3<T> edges{{(u[1] - u[0]) + (d[1] - d[0]), (u[2] - u[0]) + (d[2] - d[0]),
                          (u[3] - u[0]) + (d[3] - d[0])}};
     const Mat3<T> h = edges * rest.rest_inverse;
-    const Mat3<T> cof_h = cofactor(h);
-    const Mat3<T> ht = transpose(h);
-    const T trace = h.col[0].x + h.col[1].y + h.col[2].z;
-    // cof(I + H) = (1 + tr H) I - H^T + cof H
-    const Mat3<T> cof_minus_i = plus_identity(trace, cof_h - ht);
+    const Mat3<T> cof_minus_i = cofactor_strain(h);
     const Mat3<T> f = plus_identity(T(1), h);
     const T norm_f = square_root(squared_norm(f));
     const T j_minus_1 = volume_strain(h);
@@ -82,6 +78,12 @@ struct NeoHookean {
     return (a.x + b.y + c.z) + minors + det(h);
   }
 
+  // cof(I + H) - I = tr(H) I - H^T + cof H
+  template <class T>
+  SIM_HD static Mat3<T> cofactor_strain(const Mat3<T>& h) {
+    return plus_identity(h.col[0].x + h.col[1].y + h.col[2].z, cofactor(h) - transpose(h));
+  }
+
   // [g1 g2 g3] = s P B^T, g0 = -(g1 + g2 + g3).
   template <class T>
   SIM_HD static void scatter(T s, const Mat3<T>& p, const Mat3<T>& b, Vec3<T> g[4]) {
@@ -94,12 +96,14 @@ struct NeoHookean {
   }
 
   // Psi(F) - Psi(I), J/m3. Psi(I) = mu^2 / (2 lambda) is not zero.
-  static double energy_density(const Material& material, const Mat3<double>& h) {
-    const Lame constants = lame(material);
+  static double energy_density(const Lame& constants, const Mat3<double>& h) {
     const double mu = constants.mu, lambda = constants.neo_hookean_lambda();
     const double j1 = volume_strain(h);                                                  // J - 1
     const double i_c3 = squared_norm(h) + 2.0 * (h.col[0].x + h.col[1].y + h.col[2].z);  // I_C - 3
     return 0.5 * mu * (i_c3 - 2.0 * j1) + 0.5 * lambda * j1 * j1;
+  }
+  static double energy_density(const Material& material, const Mat3<double>& h) {
+    return energy_density(lame(material), h);
   }
 };
 

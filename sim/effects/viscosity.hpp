@@ -30,6 +30,7 @@ struct Viscosity {
   static constexpr int arity = 4;
   static constexpr int rows = 0;
   static constexpr double bound = 1.5;
+  static constexpr bool needs_rate = true;
 
   struct Params {};
   static constexpr auto fields() { return std::tuple{}; }

@@ -16,14 +16,13 @@ namespace viscera::sim {
 std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
                                     const SolverOptions& options);
 
+// What a scene or its options ask for that CUDA does not run; empty when it runs all.
+std::string what_cuda_lacks(const Scene& scene, const SolverOptions& options);
+
 // Throws Refusal(device) when there is no usable device, its memory does not suffice, or it is
 // lost; Refusal(scene) as above.
 std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
                                      const SolverOptions& options);
-
-// Refuses a scene that names an effect of one of these kinds, which `solver` cannot do.
-void refuse_kinds(const Scene& scene, std::initializer_list<EffectKind> kinds,
-                  const std::string& solver);
 
 // The name of the device that make_on_cuda would use, or why there is none.
 struct CudaDevice {

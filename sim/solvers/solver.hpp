@@ -1,6 +1,7 @@
 // What every solver offers to the frame loop.
 #pragma once
 
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -9,10 +10,17 @@
 
 namespace viscera::sim {
 
+// A step that has no solution, or none that was found; what() says with what it ended. The solver
+// is left in the last good state.
+struct Diverged : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 class Solver {
  public:
   virtual ~Solver() = default;
-  virtual void advance_frame() = 0;  // one frame of `substeps` substeps
+  // One frame of `substeps` substeps. Implicit solvers throw Diverged.
+  virtual void advance_frame() = 0;
   virtual State state() const = 0;
   // Takes a state up where it was left: the same bits follow as without the interruption.
   virtual void set_state(const State& state) = 0;

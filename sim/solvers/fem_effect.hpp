@@ -1,0 +1,157 @@
+// Any element effect of the registry as a term of the finite elements: its force as explicit
+// dynamics takes it (arithmetic.hpp), its tangent by automatic differentiation of that force.
+#pragma once
+
+#include <cstring>
+
+#include "sim/solvers/fem_dual.hpp"
+#include "sim/solvers/fem_term.hpp"
+#include "sim/solvers/program.hpp"
+
+namespace viscera::sim {
+
+// The force of one element at u + d, N, and the potential of its constraints, J.
+template <class Effect, class T>
+T element_force(const typename Effect::template Rest<T>& rest, const T* memory,
+                const Vec3<T> (&u)[Effect::arity], const Vec3<T> (&d)[Effect::arity],
+                Vec3<T> (&force)[Effect::arity]) {
+  Evaluation<T, Effect::rows, Effect::arity> c;
+  if constexpr (memory_of < Effect >> 0) {
+    Effect::evaluate(rest, memory, u, d, c);
+  } else {
+    Effect::evaluate(rest, u, d, c);
+  }
+  T energy(0);
+  if constexpr (Effect::rows > 0) {
+    impulses_of<Arithmetic::force>(c, {}, T(1), T(1), static_cast<T*>(nullptr), force);
+    for (int row = 0; row < Effect::rows; ++row) {
+      energy += T(0.5) * c.stiffness[row] * c.value[row] * c.value[row];
+    }
+  } else {
+    std::copy(std::begin(c.preload), std::end(c.preload), force);
+  }
+  return energy;
+}
+
+template <class Effect>
+class EffectTerm final : public FemTerm {
+ public:
+  static constexpr int arity = Effect::arity, size = 3 * arity;
+  using Rest = typename Effect::template Rest<double>;
+  using Matrix = Eigen::Matrix<double, size, size>;
+
+  explicit EffectTerm(const Prepared<Effect, double>& effect)
+      : vertices_(effect.vertices),
+        rest_(effect.rest),
+        memory_(effect.vertices.size() * memory_of<Effect>) {
+    // An implicit step is stable whatever the viscosity.
+    if constexpr (requires(Rest r) { r.number; }) {
+      for (auto& rest : rest_) rest.number = 0.0;
+    }
+  }
+
+  void connect(FemSystem& system) override {
+    for (const auto& nodes : vertices_) system.connect(nodes);
+  }
+  void take_places(const FemSystem& system) override {
+    for (const auto& nodes : vertices_) places_.push_back(system.places_of<arity>(nodes));
+  }
+  void begin_step(const FemFields& fields) override {
+    if constexpr (memory_of < Effect >> 0) {
+      for (std::size_t e = 0; e < vertices_.size(); ++e) {
+        Vec3<double> u[arity];
+        for (int i = 0; i < arity; ++i) u[i] = fields.u[vertices_[e][i]];
+        Effect::remember(rest_[e], u, &memory_[e * memory_of<Effect>]);
+      }
+    }
+  }
+
+  void add_forces(const FemFields& fields, FemForces& forces) const override {
+    for (std::size_t e = 0; e < vertices_.size(); ++e) {
+      Vec3<double> u[arity], d[arity], force[arity];
+      for (int i = 0; i < arity; ++i) {
+        u[i] = fields.u[vertices_[e][i]], d[i] = fields.d[vertices_[e][i]];
+      }
+      forces.add_energy(element_force<Effect>(rest_[e], memory_of_element(e), u, d, force));
+      for (int i = 0; i < arity; ++i) {
+        if constexpr (Effect::rows > 0) {
+          forces.add(vertices_[e][i], force[i]);
+        } else {
+          forces.add_loose(vertices_[e][i], share(fields) * force[i]);
+        }
+      }
+    }
+  }
+
+  void add_tangent(const FemFields& fields, Tangent kind, FemSystem& system) const override {
+    for (std::size_t e = 0; e < vertices_.size(); ++e) {
+      Matrix k = share(fields) * tangent(e, fields);
+      if (kind == Tangent::definite) make_definite<size>(k);
+      system.add<arity>(vertices_[e], places_[e], k);
+    }
+  }
+
+  void save_memory(std::vector<double>& memory) const override {
+    memory.insert(memory.end(), memory_.begin(), memory_.end());
+  }
+  void load_memory(std::span<const double>& memory) override {
+    if (memory.empty()) {
+      std::ranges::fill(memory_, 0.0);
+    } else {
+      std::copy_n(memory.begin(), memory_.size(), memory_.begin());
+      memory = memory.subspan(memory_.size());
+    }
+  }
+
+ private:
+  const double* memory_of_element(std::size_t e) const {
+    return memory_.data() + e * memory_of<Effect>;
+  }
+
+  // Forces without a constraint are loads.
+  static double share(const FemFields& fields) { return Effect::rows > 0 ? 1.0 : fields.load; }
+
+  // -d force / d x, its symmetric part.
+  Matrix tangent(std::size_t e, const FemFields& fields) const {
+    using D = Dual<size>;
+    Vec3<D> u[arity], d[arity], force[arity];
+    for (int i = 0; i < arity; ++i) {
+      const Vec3<double>& own = fields.d[vertices_[e][i]];
+      u[i] = cast<D>(fields.u[vertices_[e][i]]);
+      d[i] = {D::variable(own.x, 3 * i), D::variable(own.y, 3 * i + 1),
+              D::variable(own.z, 3 * i + 2)};
+    }
+    D memory[memory_of<Effect> + 1];
+    for (int k = 0; k < memory_of<Effect>; ++k) memory[k] = D(memory_of_element(e)[k]);
+    element_force<Effect>(as_constants<D>(rest_[e]), memory, u, d, force);
+    Matrix k;
+    for (int i = 0; i < arity; ++i) {
+      const D* const parts[3] = {&force[i].x, &force[i].y, &force[i].z};
+      for (int axis = 0; axis < 3; ++axis) {
+        for (int j = 0; j < size; ++j) k(3 * i + axis, j) = -parts[axis]->slope[j];
+      }
+    }
+    return 0.5 * (k + k.transpose());
+  }
+
+  // The numbers of a Rest as another type.
+  template <class D>
+  static typename Effect::template Rest<D> as_constants(const Rest& rest) {
+    constexpr std::size_t numbers = sizeof(Rest) / sizeof(double);
+    typename Effect::template Rest<D> out;
+    static_assert(sizeof(out) == numbers * sizeof(D));
+    std::array<double, numbers> from;
+    std::array<D, numbers> to;
+    std::memcpy(from.data(), &rest, sizeof(rest));
+    for (std::size_t k = 0; k < numbers; ++k) to[k] = D(from[k]);
+    std::memcpy(static_cast<void*>(&out), to.data(), sizeof(out));
+    return out;
+  }
+
+  std::vector<std::array<int, arity>> vertices_;
+  std::vector<Rest> rest_;
+  std::vector<double> memory_;
+  std::vector<FemSystem::Places<arity>> places_;
+};
+
+}  // namespace viscera::sim

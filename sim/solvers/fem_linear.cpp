@@ -1,0 +1,62 @@
+// The solvers of the linear systems: libraries behind one interface.
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCholesky>
+
+#include "sim/solvers/fem_system.hpp"
+#if defined(VISCERA_CHOLMOD)
+#include <Eigen/CholmodSupport>
+#endif
+
+namespace viscera::sim {
+namespace {
+
+using Matrix = Eigen::SparseMatrix<double>;
+
+#if defined(VISCERA_CHOLMOD)
+struct Factorization : Eigen::CholmodSupernodalLLT<Matrix, Eigen::Lower> {
+  Factorization() { cholmod().print = 0; }  // an indefinite matrix is no news here
+};
+#else
+using Factorization = Eigen::SimplicialLLT<Matrix, Eigen::Lower>;
+#endif
+
+class Cholesky final : public LinearSolver {
+ public:
+  void analyse(const Matrix& lower) override { llt_.analyzePattern(lower); }
+  bool solve(const Matrix& lower, const Eigen::VectorXd& r, double, Eigen::VectorXd& p) override {
+    llt_.factorize(lower);
+    if (llt_.info() != Eigen::Success) return false;
+    p = llt_.solve(r);
+    return llt_.info() == Eigen::Success;
+  }
+
+ private:
+  Factorization llt_;
+};
+
+class ConjugateGradients final : public LinearSolver {
+ public:
+  void analyse(const Matrix& lower) override { pcg_.analyzePattern(lower); }
+  bool solve(const Matrix& lower, const Eigen::VectorXd& r, double tolerance,
+             Eigen::VectorXd& p) override {
+    pcg_.setTolerance(tolerance);
+    pcg_.factorize(lower);
+    if (pcg_.info() != Eigen::Success) return false;
+    p = pcg_.solve(r);
+    return pcg_.info() == Eigen::Success;
+  }
+
+ private:
+  using Preconditioner =
+      Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<int>>;
+  Eigen::ConjugateGradient<Matrix, Eigen::Lower, Preconditioner> pcg_;
+};
+
+}  // namespace
+
+std::unique_ptr<LinearSolver> make_linear_solver(FemOptions::Linear kind) {
+  if (kind == FemOptions::Linear::pcg) return std::make_unique<ConjugateGradients>();
+  return std::make_unique<Cholesky>();
+}
+
+}  // namespace viscera::sim

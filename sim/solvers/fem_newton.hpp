@@ -1,0 +1,45 @@
+// One implicit step: the displacement d at which the forces of all terms balance, by Newton's
+// method with a backtracking line search on the incremental potential. Where the tangent is not
+// positive definite, or its step leads nowhere, the definite tangent takes its place.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "sim/solvers/fem_term.hpp"
+
+namespace viscera::sim {
+
+class FemNewton {
+ public:
+  using Terms = std::vector<std::unique_ptr<FemTerm>>;
+  // `stiffness`, N/m by node, tells what the rounding of a displacement amounts to.
+  FemNewton(FemSystem& system, const Terms& terms, const FemOptions& options,
+            const std::vector<double>& stiffness);
+
+  // From d on. Nodes that are not free make their `moves` with the first iteration. Returns why no
+  // balance was found, empty when one was.
+  std::string solve(const FemFields& fields, NodeField& d, NodeField moves);
+  // Sum of the magnitudes of the unbalanced forces at d, N.
+  double residual(const FemFields& fields);
+  int iterations() const { return iterations_; }  // of all solves so far
+
+ private:
+  void evaluate(const FemFields& fields, FemForces& forces) const;
+  bool is_settled(const FemFields& fields);
+  bool find_step(const FemFields& fields, const NodeField& moves);
+  bool search_line(const FemFields& fields, NodeField& d);
+  double unbalanced(const FemForces& forces) const;
+  double bound(const FemFields& fields) const;
+
+  FemSystem& system_;
+  const Terms& terms_;
+  const FemOptions options_;
+  const std::vector<double>& stiffness_;
+  FemForces now_, ahead_;
+  NodeField step_;
+  Tangent tangent_ = Tangent::exact;
+  int iterations_ = 0;
+};
+
+}  // namespace viscera::sim

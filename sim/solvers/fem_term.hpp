@@ -1,0 +1,82 @@
+// What the implicit finite elements sum up: every effect that a scene names gives one term of the
+// forces, of their tangent and, where it has one, of the potential that a step makes smallest. SI.
+#pragma once
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+
+#include "sim/effects/effect.hpp"
+#include "sim/solvers/fem_system.hpp"
+
+namespace viscera::sim {
+
+using NodeField = std::vector<Vec3<double>>;
+
+// Displacements at the start of the step and over it, [nodes] m.
+struct FemFields {
+  const NodeField& u;
+  const NodeField& d;
+  Step<double> step;
+  double load = 1.0;  // share of the loads that are on: less than 1 on the way to an equilibrium
+};
+
+struct FemForces {
+  NodeField sum;        // [nodes] N
+  NodeField loose;      // [nodes] N, those of `sum` that have no potential
+  double energy = 0.0;  // J, the potential of the others
+  double scale = 0.0;   // N, sum of the magnitudes of all forces of all elements on their nodes
+  double size = 0.0;    // J, sum of the magnitudes of the energies
+
+  explicit FemForces(std::size_t nodes) : sum(nodes), loose(nodes) {}
+  void clear() {
+    std::ranges::fill(sum, Vec3<double>{});
+    std::ranges::fill(loose, Vec3<double>{});
+    energy = scale = size = 0.0;
+  }
+  void add(int node, const Vec3<double>& force) {
+    sum[node] += force;
+    scale += norm(force);
+  }
+  void add_loose(int node, const Vec3<double>& force) {
+    add(node, force);
+    loose[node] += force;
+  }
+  void add_energy(double joule) {
+    energy += joule;
+    size += std::abs(joule);
+  }
+};
+
+// The tangent as it is, or the nearest that is positive semi-definite element by element.
+enum class Tangent { exact, definite };
+
+class FemTerm {
+ public:
+  virtual ~FemTerm() = default;
+  virtual void connect(FemSystem& system) = 0;            // names its elements' nodes
+  virtual void take_places(const FemSystem& system) = 0;  // after the system was analysed
+  virtual void begin_step(const FemFields&) {}
+  virtual void undo_step() {}  // as it was when the step began
+  virtual void add_forces(const FemFields& fields, FemForces& forces) const = 0;
+  virtual void add_tangent(const FemFields& fields, Tangent kind, FemSystem& system) const = 0;
+  // Contact only: brings the multipliers up to date with a solved step and returns by how much the
+  // forces change, N.
+  virtual double correct(const FemFields&) { return 0.0; }
+  // May change the velocity that a step ends with; `before` is that at its start.
+  virtual void end_step(const FemFields&, const NodeField& /*before*/, NodeField& /*velocity*/) {}
+  virtual std::size_t contact_count() const { return 0; }
+  // What an effect keeps from step to step.
+  virtual void save_memory(std::vector<double>&) const {}
+  virtual void load_memory(std::span<const double>&) {}
+};
+
+// Negative eigenvalues are set to zero.
+template <int n>
+void make_definite(Eigen::Matrix<double, n, n>& symmetric) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, n, n>> eigen(symmetric);
+  if (eigen.eigenvalues()[0] >= 0.0) return;
+  symmetric = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() *
+              eigen.eigenvectors().transpose();
+}
+
+}  // namespace viscera::sim
