@@ -24,10 +24,6 @@ std::string what_cuda_lacks(const Scene& scene, const SolverOptions& options);
 std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
                                      const SolverOptions& options);
 
-// Refuses a scene that names an effect of one of these kinds, which `solver` cannot do.
-void refuse_kinds(const Scene& scene, std::initializer_list<EffectKind> kinds,
-                  const std::string& solver);
-
 // The name of the device that make_on_cuda would use, or why there is none.
 struct CudaDevice {
   std::optional<std::string> name;

@@ -5,10 +5,12 @@
 //   begin_vertex      d = dt v
 //   force effects     d += dt^2 a
 //   motion effects    d leads to where the vertex is told to be
+//   self-contact      d keeps the surface off itself
 //   contact effects   push: d leads out of the obstacle
 //   element effects   d += dt^2 M^-1 p, by the method's arithmetic and in the scheme's order
 //   region effects    among them: d approaches the moved rest shape
-//   contact effects   rub: d loses what friction takes
+//   self-contact      d loses what friction takes, and keeps half of the thickness
+//   contact effects   rub: d loses what friction takes; stop: none passes through
 //   end_vertex        u += d, v = d / dt
 // The velocity is d / dt and never a difference of two positions, so single precision keeps gravity
 // at any substep (Macklin et al., "Small Steps in Physics Simulation", SCA 2019).
@@ -18,6 +20,7 @@
 #include "sim/regions.hpp"
 #include "sim/scene.hpp"
 #include "sim/solvers/arithmetic.hpp"
+#include "sim/surface_pairs.hpp"
 
 namespace viscera::sim {
 
@@ -68,6 +71,16 @@ struct Prepared<Effect, T, EffectKind::region> {
       squared_phase.push_back(dt * dt * Effect::squared_frequency(region.shear, a.x + b.y + c.z));
     }
   }
+};
+
+template <class Effect, class T>
+struct Prepared<Effect, T, EffectKind::self_contact> {
+  SurfacePairs pairs;
+  std::vector<Vec3<double>> rest;  // [n] m
+  typename Effect::Params params;
+
+  Prepared(const Model& model, const typename Effect::Params& given, double)
+      : pairs(model, given.thickness), rest(model.rest), params(given) {}
 };
 
 // function.template operator()<Effect>(slot) for every filled slot of one kind of effect, in the
