@@ -32,10 +32,8 @@ Error bad_route(std::string found, std::string remedy) {
                                       .remedy = std::move(remedy)});
 }
 
-// The one surface that bounds the body.
 SurfaceMesh body_surface(const SurfaceMesh& all, const std::string& file) {
-  if (all.label_names.size() == 1) return all;
-  if (all.label_names.count(body_label)) return extract(all, body_label);
+  if (auto body = body_of(all)) return std::move(*body);
   throw Error(ExitCode::bad_input,
               {.where = file,
                .field = "CellData/label",
@@ -46,6 +44,12 @@ SurfaceMesh body_surface(const SurfaceMesh& all, const std::string& file) {
 }
 
 }  // namespace
+
+std::optional<SurfaceMesh> body_of(const SurfaceMesh& all) {
+  if (all.label_names.size() == 1) return all;
+  if (all.label_names.count(body_label)) return extract(all, body_label);
+  return std::nullopt;
+}
 
 MeshJob::MeshJob(const StageRun& run) {
   const auto route = run.param<std::string>("route");
@@ -62,7 +66,7 @@ MeshJob::MeshJob(const StageRun& run) {
               .radius_edge = run.param<double>("radius_edge")};
   lattice_ = run.param<double>("lattice");
   const auto improver = run.param<std::string>("improve");
-  improve_ = improver == "own";
+  improve_ = improver == "own" || improver == "auto";
   slivers_ = {.perturb_and_exude = improver == "cgal", .angle = run.param<double>("sliver_angle")};
   if (labels) take_labels(run);
   if (!by_fields_) take_surface(run);

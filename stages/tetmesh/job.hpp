@@ -13,6 +13,10 @@
 
 namespace viscera {
 
+// The one surface that bounds the body: the only one, or that of label 0; nothing where several
+// labels stand alone.
+std::optional<SurfaceMesh> body_of(const SurfaceMesh& all);
+
 class MeshJob {
  public:
   // Reads the inputs and settles the route; throws Error(bad_config) where they do not fit.

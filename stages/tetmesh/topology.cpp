@@ -82,29 +82,6 @@ std::vector<int> singular_points(const std::vector<std::array<int, 3>>& triangle
   return singular;
 }
 
-// Keeps the tets for which `keep` holds, and the points that they use.
-template <class Keep>
-std::size_t keep_tets(TetMesh& mesh, Keep keep) {
-  TetMesh kept{.label_names = mesh.label_names};
-  std::vector<int> becomes(mesh.points.size(), -1);
-  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
-    if (!keep(t)) continue;
-    auto tet = mesh.tets[t];
-    for (int& corner : tet) {
-      if (becomes[corner] < 0) {
-        becomes[corner] = static_cast<int>(kept.points.size());
-        kept.points.push_back(mesh.points[corner]);
-      }
-      corner = becomes[corner];
-    }
-    kept.tets.push_back(tet);
-    kept.labels.push_back(mesh.labels[t]);
-  }
-  const std::size_t removed = mesh.tets.size() - kept.tets.size();
-  mesh = std::move(kept);
-  return removed;
-}
-
 // Tets around the given points, grouped into fans that are joined through faces which hold the
 // point; all but the largest fan of each point are marked. Where the tets are one fan, two hollows
 // meet at the point: all of its tets are marked, which makes one hollow of the two.
@@ -222,13 +199,16 @@ std::vector<Face> find_faces(const TetMesh& mesh) {
   return faces;
 }
 
+std::array<int, 3> outward_face(const std::array<int, 4>& tet, int opposite) {
+  const auto& corner = face_corners[opposite];
+  return {tet[corner[0]], tet[corner[1]], tet[corner[2]]};
+}
+
 std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh) {
   std::vector<std::array<int, 3>> triangles;
   for_each_face(mesh, [&](const Face& face) {
     if (face.count != 1) return;
-    const auto& tet = mesh.tets[face.tets[0]];
-    const auto& corner = face_corners[face.opposite[0]];
-    triangles.push_back({tet[corner[0]], tet[corner[1]], tet[corner[2]]});
+    triangles.push_back(outward_face(mesh.tets[face.tets[0]], face.opposite[0]));
   });
   return triangles;
 }
@@ -249,16 +229,21 @@ std::vector<int> find_bodies(const TetMesh& mesh) {
 
 Topology inspect(const TetMesh& mesh) {
   Topology found;
-  std::vector<bool> used(mesh.points.size());
+  std::vector<std::size_t> tets_at(mesh.points.size());
   std::vector<std::array<int, 4>> sorted = mesh.tets;
   for (auto& tet : sorted) {
     found.inverted += !(six_volumes(mesh, tet) > 0.0);
-    for (const int corner : tet) used[corner] = true;
+    for (const int corner : tet) ++tets_at[corner];
     std::sort(tet.begin(), tet.end());
   }
   found.duplicate_tets = repeated(std::move(sorted));
   found.duplicate_points = repeated(mesh.points);
-  found.stray_points = static_cast<std::size_t>(std::count(used.begin(), used.end(), false));
+  found.stray_points = static_cast<std::size_t>(std::count(tets_at.begin(), tets_at.end(), 0u));
+  const auto busiest = std::max_element(tets_at.begin(), tets_at.end());
+  if (busiest != tets_at.end()) {
+    found.busiest_tets = *busiest;
+    found.busiest_point = static_cast<int>(busiest - tets_at.begin());
+  }
   for_each_face(mesh, [&](const Face& face) { found.overfull_faces += face.count > 2; });
   const auto triangles = boundary_triangles(mesh);
   found.boundary_triangles = triangles.size();

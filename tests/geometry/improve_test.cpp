@@ -3,15 +3,17 @@
 #include <algorithm>
 #include <map>
 #include <numbers>
-#include <random>
 #include <set>
 
 #include "stages/tetmesh/improve_stars.hpp"
 #include "stages/tetmesh/measure.hpp"
 #include "stages/tetmesh/topology.hpp"
+#include "tests/geometry/shapes.hpp"
 
 namespace viscera {
 namespace {
+
+using testing::shaken_cube;
 
 double volume_of(const TetMesh& mesh, int label = -1) {
   double sum = 0.0;
@@ -53,43 +55,6 @@ TetMesh ring_of(int n, double height) {
     mesh.tets.push_back({0, 1, 2 + i, 2 + (i + 1) % n});
   }
   mesh.labels.assign(mesh.tets.size(), 1);
-  return mesh;
-}
-
-// The unit cube in n^3 cells of six tets, its inner points shaken by up to `shake` of a cell; label
-// 2 above the middle, whose points only move sideways.
-TetMesh shaken_cube(int n, double shake, unsigned seed) {
-  TetMesh mesh;
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> move(-shake / n, shake / n);
-  const auto index = [n](int x, int y, int z) { return (z * (n + 1) + y) * (n + 1) + x; };
-  for (int z = 0; z <= n; ++z)
-    for (int y = 0; y <= n; ++y)
-      for (int x = 0; x <= n; ++x) {
-        Vec p{double(x) / n, double(y) / n, double(z) / n};
-        const int at[3] = {x, y, z};
-        const bool inner = x > 0 && x < n && y > 0 && y < n && z > 0 && z < n;
-        for (int a = 0; a < 3; ++a) {
-          const double by = move(random);
-          if (inner && !(a == 2 && 2 * at[2] == n)) p[a] += by;
-        }
-        mesh.points.push_back(p);
-      }
-  const int orders[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}};
-  for (int z = 0; z < n; ++z)
-    for (int y = 0; y < n; ++y)
-      for (int x = 0; x < n; ++x)
-        for (int o = 0; o < 6; ++o) {
-          std::array<int, 3> at{x, y, z};
-          Tet tet{index(x, y, z), 0, 0, 0};
-          for (int step = 0; step < 3; ++step) {
-            ++at[orders[o][step]];
-            tet[step + 1] = index(at[0], at[1], at[2]);
-          }
-          if (o >= 3) std::swap(tet[2], tet[3]);
-          mesh.tets.push_back(tet);
-          mesh.labels.push_back(2 * z < n ? 1 : 2);
-        }
   return mesh;
 }
 
