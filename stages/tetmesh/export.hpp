@@ -59,6 +59,10 @@ std::map<int, Elastic> read_materials(const Json& given, const std::map<int, std
 // whatever the case of the letters: what the strictest format takes for a name.
 std::map<int, std::string> identifiers(const std::map<int, std::string>& names);
 
+// Into the current gmsh session: the patches as discrete surfaces 1, 2, ... with their nodes, whose
+// tags are the points' numbers plus 1.
+void add_surfaces(const TetExport& body);
+
 void write_msh(const std::filesystem::path& path, const TetExport& body);
 void write_inp(const std::filesystem::path& path, const TetExport& body);
 void write_feb(const std::filesystem::path& path, const TetExport& body);

@@ -34,7 +34,8 @@ void add_nodes(const TetMesh& mesh, int dimension, int entity, const Tags& eleme
   if (!tags.empty()) gmsh::model::mesh::addNodes(dimension, entity, tags, places);
 }
 
-void add_surfaces(const TetExport& body, std::vector<bool>& taken) {
+// The patches with their nodes; the nodes inside the volumes are left to be taken.
+void put_surfaces(const TetExport& body, std::vector<bool>& taken) {
   std::size_t element = body.mesh.tets.size();
   for (std::size_t p = 0; p < body.patches.size(); ++p) {
     const int entity = static_cast<int>(p) + 1;
@@ -72,10 +73,15 @@ void add_volumes(const TetExport& body, std::vector<bool>& taken) {
 
 }  // namespace
 
+void add_surfaces(const TetExport& body) {
+  std::vector<bool> taken(body.mesh.points.size());
+  put_surfaces(body, taken);
+}
+
 void write_msh(const std::filesystem::path& path, const TetExport& body) {
   with_gmsh([&] {
     std::vector<bool> taken(body.mesh.points.size());
-    add_surfaces(body, taken);
+    put_surfaces(body, taken);
     add_volumes(body, taken);
     gmsh::option::setNumber("Mesh.MshFileVersion", 4.1);
     gmsh::option::setNumber("Mesh.Binary", 1);

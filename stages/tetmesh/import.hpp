@@ -35,4 +35,7 @@ Repairs repair(TetMesh& mesh, const std::string& file);
 
 ForeignMesh read_foreign_msh(const std::filesystem::path& path);
 
+// The tets of the current gmsh session; `path` is what an error names.
+ForeignMesh current_gmsh_mesh(const std::filesystem::path& path);
+
 }  // namespace viscera

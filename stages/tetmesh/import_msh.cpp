@@ -105,7 +105,10 @@ std::size_t count_cells_without_volume() {
   return count;
 }
 
-void read_model(const std::filesystem::path& path, ForeignMesh& read) {
+}  // namespace
+
+ForeignMesh current_gmsh_mesh(const std::filesystem::path& path) {
+  ForeignMesh read;
   const auto index = read_nodes(path, read.mesh);
   std::vector<NumberedTet> tets;
   for (const auto& [entity, label] : read_groups(read.mesh, read.labels_from))
@@ -123,16 +126,15 @@ void read_model(const std::filesystem::path& path, ForeignMesh& read) {
     read.mesh.label_names[label] =
         names[label].empty() ? fmt::format("label_{}", label) : names[label];
   read.cells_skipped = count_cells_without_volume();
+  return read;
 }
-
-}  // namespace
 
 ForeignMesh read_foreign_msh(const std::filesystem::path& path) {
   ForeignMesh read;
   try {
     with_gmsh([&] {
       gmsh::merge(path.string());
-      read_model(path, read);
+      read = current_gmsh_mesh(path);
     });
   } catch (const Error&) {
     throw;

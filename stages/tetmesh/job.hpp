@@ -50,6 +50,9 @@ class MeshJob {
   // Throws Error(bad_config) when a cell size asks for more than 20 million tets.
   void check_cell_size(double cell_size) const;
 
+  // Bytes that meshing and judging this many tets takes, fields included.
+  double estimate_memory(double tets) const;
+
  private:
   void take_labels(const StageRun& run);
   void take_surface(const StageRun& run);
@@ -59,6 +62,7 @@ class MeshJob {
   void assign_labels(TetMesh& mesh) const;
 
   bool by_fields_ = true;
+  bool hxt_ = false;     // gmsh fills what Mesh_3 bounds
   bool improve_ = true;  // with our own improver
   Slivers slivers_;
   double lattice_ = 0.0;  // constant of the inner lattice as a multiple of the cell size

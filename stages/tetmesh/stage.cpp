@@ -4,6 +4,8 @@
 #include <CGAL/version.h>
 #include <fmt/format.h>
 
+#include <chrono>
+
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
@@ -13,6 +15,7 @@
 #include "stages/tetmesh/import.hpp"
 #include "stages/tetmesh/job.hpp"
 #include "stages/tetmesh/judge.hpp"
+#include "stages/tetmesh/watchdog.hpp"
 
 namespace viscera {
 namespace {
@@ -51,6 +54,11 @@ std::vector<Param> params() {
        .lo = 0.0,
        .hi = 10.0,
        .doc = "trial meshes from which the materials' volumes are calibrated (route fields)"},
+      {.name = "mesher",
+       .type = ParamType::text,
+       .fallback = "cgal",
+       .choices = {"cgal", "hxt"},
+       .doc = "cgal: Mesh_3; hxt: gmsh's HXT between the boundary and interfaces of Mesh_3"},
       {.name = "improve",
        .type = ParamType::text,
        .fallback = "auto",
@@ -60,6 +68,14 @@ std::vector<Param> params() {
               "none for a given mesh"},
       quantity("sliver_angle", "10 deg", "deg", 0.0, 70.0,
                "dihedral angle below which improve: cgal works on a tet"),
+      {.name = "time_limit",
+       .type = ParamType::real,
+       .fallback = "120 min",
+       .unit = "s",
+       .lo = 0.01,
+       .hi = 1e6,
+       .doc = "meshing that takes longer is ended (exit 75)",
+       .in_key = false},
       {.name = "formats",
        .type = ParamType::list,
        .fallback = Json::array({"vtu"}),
@@ -127,11 +143,17 @@ void report_mended(const Mended& mended) {
     log::info("boundary made manifold by removing {} tets", mended.tets_removed);
 }
 
+double expected_tets(const StageRun& run, const MeshJob& job) {
+  if (run.has_param("target_tets")) return run.param<double>("target_tets");
+  const double cell_size = run.param<double>("cell_size");
+  job.check_cell_size(cell_size);
+  return estimate_tets(job.body_volume(), cell_size);
+}
+
 double settle_cell_size(const StageRun& run, MeshJob& job) {
   if (run.has_param("target_tets"))
     return job.find_cell_size(run.param<std::size_t>("target_tets"));
   const double cell_size = run.param<double>("cell_size");
-  job.check_cell_size(cell_size);
   const int passes = job.by_fields() ? run.param<int>("volume_passes") : 0;
   for (int pass = 0; pass < passes; ++pass) {
     log::progress("tets", 0.3 * pass / passes, "calibrating volumes");
@@ -143,9 +165,15 @@ double settle_cell_size(const StageRun& run, MeshJob& job) {
 Made make_mesh(StageRun& run) {
   MeshJob job(run);
   read_materials(run.params().at("materials"), job.names());  // before the work, not after it
+  const double tets = expected_tets(run, job), memory = job.estimate_memory(tets);
+  log::info("expecting about {:.0f} thousand tets and {:.0f} MB", tets / 1e3, memory / 1e6);
+  const Watchdog watchdog(run.param<double>("time_limit"), memory, run.out(""));
   const double cell_size = settle_cell_size(run, job);
   log::progress("tets", 0.3, "refining");
+  const auto begin = std::chrono::steady_clock::now();
   auto [mesh, mended, improved] = job.mesh(cell_size);
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  run.machine_metric("meshing", took.count(), "s");
   log::progress("tets", 1.0);
   if (mesh.tets.empty()) {
     throw Error(ExitCode::bad_config, {.where = "parameters",

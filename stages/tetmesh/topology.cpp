@@ -22,6 +22,16 @@ class Sets {
     b = root(b);
     parent_[std::max(a, b)] = std::min(a, b);
   }
+  // The set of every member, numbered in the order of their first members.
+  std::vector<int> numbered() {
+    std::map<int, int> number;
+    std::vector<int> set(parent_.size());
+    for (std::size_t i = 0; i < set.size(); ++i) {
+      const int top = root(static_cast<int>(i));
+      set[i] = number.try_emplace(top, static_cast<int>(number.size())).first->second;
+    }
+    return set;
+  }
 
  private:
   std::vector<int> parent_;
@@ -218,13 +228,29 @@ std::vector<int> find_bodies(const TetMesh& mesh) {
   for_each_face(mesh, [&](const Face& face) {
     if (face.count >= 2) sets.join(face.tets[0], face.tets[1]);
   });
-  std::map<int, int> number;
-  std::vector<int> body(mesh.tets.size());
-  for (std::size_t t = 0; t < body.size(); ++t) {
-    const int root = sets.root(static_cast<int>(t));
-    body[t] = number.try_emplace(root, static_cast<int>(number.size())).first->second;
-  }
-  return body;
+  return sets.numbered();
+}
+
+std::vector<int> find_label_parts(const TetMesh& mesh) {
+  Sets sets(mesh.tets.size());
+  for_each_face(mesh, [&](const Face& face) {
+    if (face.count >= 2 && mesh.labels[face.tets[0]] == mesh.labels[face.tets[1]])
+      sets.join(face.tets[0], face.tets[1]);
+  });
+  return sets.numbered();
+}
+
+std::vector<int> find_sheets(const std::vector<std::array<int, 3>>& triangles) {
+  Sets sets(triangles.size());
+  std::map<std::array<int, 2>, int> seen;
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    for (int e = 0; e < 3; ++e) {
+      const int a = triangles[t][e], b = triangles[t][(e + 1) % 3];
+      const auto [entry, fresh] =
+          seen.try_emplace({std::min(a, b), std::max(a, b)}, static_cast<int>(t));
+      if (!fresh) sets.join(entry->second, static_cast<int>(t));
+    }
+  return sets.numbered();
 }
 
 Topology inspect(const TetMesh& mesh) {

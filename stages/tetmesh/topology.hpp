@@ -74,6 +74,12 @@ std::size_t keep_tets(TetMesh& mesh, Keep keep) {
   return removed;
 }
 
+// The same, but joined only where both tets have the same label.
+std::vector<int> find_label_parts(const TetMesh& mesh);
+
+// Component (joined through edges) of every triangle, numbered in the order of their first ones.
+std::vector<int> find_sheets(const std::vector<std::array<int, 3>>& triangles);
+
 struct Mended {
   std::size_t islands = 0, island_tets = 0;  // bodies beside the `bodies` largest
   double island_volume = 0.0;                // mm3

@@ -265,6 +265,35 @@ TEST_F(Tetmesh, ARealLiverWithItsTumoursBecomesOneSoundMesh) {
     EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.05) << label;
 }
 
+TEST_F(Tetmesh, HxtFillsSeveralMaterialsBetweenTheSameInterfaces) {
+  // Two tumours: parts of one label that do not touch.
+  const LabelImage image = testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
+    if (std::hypot(std::abs(x) - 9.0, y, z) < 5.0) return 2;
+    return std::hypot(x, y, z) < 20.0 ? 1 : 0;
+  });
+  const auto outcome = run(write(image), {"cell_size=4mm", "mesher=hxt", "improve=none"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const auto found = inspect(mesh());
+  EXPECT_EQ(found.components, 1u);
+  EXPECT_EQ(found.inverted + found.non_manifold_edges + found.overfull_faces + found.stray_points,
+            0u);
+  for (const auto& label : testing::metric(out(), "volume")["labels"])
+    EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.03) << label;
+}
+
+TEST_F(Tetmesh, AMesherThatDoesNotEndIsEnded) {
+  ::testing::GTEST_FLAG(death_test_style) = "threadsafe";
+  const auto input = write(testing::nested_balls());
+  std::vector<std::string> line{
+      "viscera-tetmesh",  "--in",  input,         "--set", "cell_size=0.4mm", "--set",
+      "time_limit=100ms", "--out", out().string()};
+  std::vector<char*> argv;
+  for (auto& word : line) argv.push_back(word.data());
+  EXPECT_EXIT(stage_main(static_cast<int>(argv.size()), argv.data(), tetmesh_stage()),
+              ::testing::ExitedWithCode(75), "time_limit: no mesh after");
+  EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
 TEST_F(Tetmesh, TheFormatsAskedForStandBesideTheMeshAndComeInAgain) {
   const auto first = run(write(testing::nested_balls()),
                          {"cell_size=6mm", "formats=[msh, inp, feb]",
