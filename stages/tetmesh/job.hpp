@@ -47,6 +47,8 @@ class MeshJob {
   // absurd number of tets.
   double find_cell_size(std::size_t target);
 
+  double expected_tets(double cell_size) const;
+
   // Throws Error(bad_config) when a cell size asks for more than 20 million tets.
   void check_cell_size(double cell_size) const;
 
@@ -69,8 +71,7 @@ class MeshJob {
   Sizing factors_;        // facet_size and facet_distance as multiples of the cell size
   std::optional<LabelImage> image_;
   std::optional<MaterialFields> fields_;
-  std::optional<SurfaceMesh> surface_;
-  std::string surface_file_;
+  std::optional<SurfaceBody> surface_;
   double body_volume_ = 0.0;
   std::map<int, double> label_volumes_;
   std::map<int, std::string> names_;
