@@ -52,10 +52,7 @@ struct NeoHookean {
   template <class T>
   SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> u[4], const Vec3<T> d[4],
                               Evaluation<T, rows, arity>& out) {
-    // Differences of u and of d apart: their sum would round away the substep's motion.
-    const Mat3<T> edges{{(u[1] - u[0]) + (d[1] - d[0]), (u[2] - u[0]) + (d[2] - d[0]),
-                         (u[3] - u[0]) + (d[3] - d[0])}};
-    const Mat3<T> h = edges * rest.rest_inverse;
+    const Mat3<T> h = displacement_gradient(u, d, rest.rest_inverse);
     const Mat3<T> cof_minus_i = cofactor_strain(h);
     const Mat3<T> f = plus_identity(T(1), h);
     const T norm_f = square_root(squared_norm(f));
