@@ -33,6 +33,11 @@
 //   static std::vector<int> vertices(model, params)
 //   template <class T> struct Device; static Device<T> device(model, params)
 //   template <class T> SIM_HD static Vec3<T> target(device, rest_position, time)   displacement, m
+// kind == region: sets of tets whose vertices are drawn towards their rest shape, freely moved
+//   static std::vector<int> regions(model, params)                 the region of each tet
+//   static double squared_frequency(shear, inertia)                from sum mu V and sum m r^2,
+//   1/s2
+// kind == self_contact: Params with a thickness and a friction (self_contact.hpp)
 // kind == contact: holds a vertex out of an obstacle
 //   template <class T> struct Device; static Device<T> device(model, params)
 //   template <class T> SIM_HD static Vec3<T> push(device, step, rest_position, u, d)
@@ -54,7 +59,7 @@
 
 namespace viscera::sim {
 
-enum class EffectKind { force, motion, element, contact };
+enum class EffectKind { force, motion, element, region, self_contact, contact };
 
 // Whether PBD can solve an effect: its constraints vanish at rest one by one.
 template <class Effect>

@@ -15,6 +15,8 @@
 #include "sim/effects/neo_hookean.hpp"
 #include "sim/effects/pressure.hpp"
 #include "sim/effects/prony.hpp"
+#include "sim/effects/self_contact.hpp"
+#include "sim/effects/shape_matching.hpp"
 #include "sim/effects/spring.hpp"
 #include "sim/effects/stvk.hpp"
 #include "sim/effects/viscosity.hpp"
@@ -44,7 +46,7 @@ struct EffectList {
 };
 
 using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, NeoHookean, Linear,
-                           StVK, Corotational, Distance, Volume, Fibre, Prony, Spring, Ground,
+                           StVK, Corotational, Distance, Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact, Ground,
                            Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

@@ -206,7 +206,7 @@ TEST(Effects, RigidMotionTurnsTheForcesAndChangesNothingElse) {
 // What a sweep of all elements of an effect starts from, and leaves.
 template <class T>
 struct SweepCase {
-  std::vector<Row<T>> u, d;  // and the spare vertex
+  std::vector<Row<T>> u, d;
 
   explicit SweepCase(const Model& model) {
     std::mt19937 generator(5);
@@ -216,8 +216,6 @@ struct SweepCase {
       d.push_back(
           {cast<T>(random_vector(generator, 1e-6)), static_cast<T>(dt * dt / model.mass[i])});
     }
-    u.emplace_back();
-    d.emplace_back();
   }
   SweepFields<T> fields() { return {u.data(), d.data(), {T(1), T(0.5)}}; }
 };
@@ -259,7 +257,7 @@ void check_sweeps(std::size_t index) {
     PackedElements<Effect, T> packed;
     std::vector<int> all(elements.vertices.size());
     std::iota(all.begin(), all.end(), 0);
-    packed.append(all, elements.vertices, {0, n}, elements.rest, n);
+    packed.append(all, elements.vertices, {0, n}, elements.rest);
     packed.memory.resize(packed.groups.size() * packed.memory_size * packed.width);
     SweepFields<T> fields = found.fields();
     fields.memory = packed.memory.data();
