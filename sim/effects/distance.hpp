@@ -95,6 +95,12 @@ struct Distance {
     out.stiffness[0] = rest.stiffness;
     without_reference(out);
   }
+
+  // Two ends of three springs each: 15 mu V / L^2 with the shortest edge L. sum |grad N_i|^2 is at
+  // least 4 / L^2, its value for a needle on a base of sides L.
+  static double explicit_modulus(const Material& material, const Params&) {
+    return 3.75 * lame(material).mu;
+  }
 };
 
 }  // namespace viscera::sim

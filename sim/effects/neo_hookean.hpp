@@ -68,6 +68,11 @@ struct NeoHookean {
     scatter(-rest.deviatoric, h - cof_minus_i, rest.rest_inverse, out.preload);
   }
 
+  static double explicit_modulus(const Material& material, const Params&) {
+    const Lame constants = lame(material);
+    return constants.lambda + 2.0 * constants.mu;
+  }
+
   // det(I + H) - 1 without the cancellation of det F - 1.
   template <class T>
   SIM_HD static T volume_strain(const Mat3<T>& h) {

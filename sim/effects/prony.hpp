@@ -76,6 +76,10 @@ struct Prony {
     strain_gradients<1>(plus_identity(T(1), h), rest.rest_inverse, out.gradient);
     without_reference(out);
   }
+
+  static double explicit_modulus(const Material& material, const Params& params) {
+    return 2.0 * lame(material).mu * params.modulus;
+  }
 };
 
 }  // namespace viscera::sim

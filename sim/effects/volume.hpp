@@ -54,6 +54,10 @@ struct Volume {
                         rest.rest_inverse, out.gradient[0]);
     without_reference(out);
   }
+
+  static double explicit_modulus(const Material& material, const Params&) {
+    return lame(material).lambda;
+  }
 };
 
 }  // namespace viscera::sim
