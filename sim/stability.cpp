@@ -29,10 +29,11 @@ Shape shape_of(const Mat3<double>& rest_inverse) {
   return {1.0 / steepest, squares};
 }
 
-// Of the position based methods only the Neo-Hookean block has a limit.
+// Of the position based effects only the Neo-Hookean block and Prony branches have a limit.
 StabilityLimit limit_of(const Stability& s, const Scene& scene, Method method) {
   if (method == Method::tled) return {"Courant", s.courant_max, courant_limit, s.courant_tet};
-  if (method == Method::fem || !scene.has<NeoHookean>()) return {"none", 0.0, 1.0, 0};
+  const bool limited = scene.has<NeoHookean>() || scene.has<Prony>();
+  if (method == Method::fem || !limited) return {"none", 0.0, 1.0, 0};
   return {"Cs", s.cs_max, cs_limit, s.cs_tet};
 }
 

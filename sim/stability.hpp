@@ -13,8 +13,9 @@
 //   mode of the mesh is faster than that of its fastest tet (Irons and Treharne 1971), and central
 //   differences need dt w <= 2. A tenth is kept for deformation. Elastic beds are not counted.
 //
-// The laws of six rows, springs, volume, fibres and Prony branches are implicit under XPBD and PBD:
-// no limit is known.
+// The laws of six rows, springs, volume and fibres are implicit under XPBD and PBD: a cube with
+// random velocities stayed bounded at every Cs tried, to 4. A Prony branch beside them did so to 2;
+// it is held to the limit of Cs all the same, which it does not lower, however strong.
 #pragma once
 
 #include "sim/model.hpp"
