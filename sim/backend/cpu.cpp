@@ -54,8 +54,8 @@ class CpuSolver final : public Solver {
         layout_(model, program_, options),
         team_(thread_count(options.threads, model)),
         n_(layout_.vertices),
-        u_(n_ + 1),
-        d_(n_ + 1),
+        u_(n_),
+        d_(n_),
         v_(n_) {
     const T dt = static_cast<T>(program_.dt);
     for (int i = 0; i < n_; ++i) d_[i].w = program_.inverse_mass[i] * (dt * dt);
@@ -344,7 +344,7 @@ class CpuSolver final : public Solver {
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;
-  std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m; both with a spare vertex
+  std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m
   std::vector<Vec3<T>> v_;     // m/s
 };
 

@@ -4,7 +4,7 @@
 
 #include "sim/backend/cpu_elements.hpp"
 #include "sim/backend/team.hpp"
-#include "sim/rotation.hpp"
+#include "sim/best_rotation.hpp"
 
 namespace viscera::sim {
 
@@ -65,7 +65,7 @@ class CpuRegions {
   };
   struct Fit {
     Vec3<double> shift;  // c_w
-    Quaternion rotation;
+    Quaternion<double> rotation;
   };
 
   template <class Moved>
@@ -89,7 +89,7 @@ class CpuRegions {
       first += sums_[c].first;
       for (int k = 0; k < 3; ++k) matrix.col[k] += sums_[c].mixed.col[k];
     }
-    fits_[region] = {(1.0 / data_.regions[region].mass) * first, nearest_rotation(matrix)};
+    fits_[region] = {(1.0 / data_.regions[region].mass) * first, best_rotation(matrix)};
   }
 
   // What the iteration adds to the displacement of a member's copy. With o = omega^2 dt^2 and l

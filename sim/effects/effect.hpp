@@ -15,8 +15,9 @@
 // with rows = 0, a force that is taken in full
 //   static constexpr int arity, rows;
 //   template <class T> struct Rest;              constant data of one element, numbers of type T
-//   static elements(model, params)               vertices of every element
-//   template <class T> static Rest<T> rest(model, element, params, dt)
+//   static elements(model, params)               vertices of every element: a vector of arrays,
+//                                                with whatever else rest() needs of them
+//   template <class T> static Rest<T> rest(model, elements, index, params, dt)
 //   template <class T> SIM_HD static void evaluate(rest, u, d, Evaluation<T, rows, arity>&)
 //       u[arity]: displacements at the start of the substep, d[arity]: displacements over it. T may
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
@@ -108,6 +109,13 @@ template <class T, int arity>
 struct Evaluation<T, 0, arity> {
   Vec3<T> preload[arity];  // N
 };
+
+// For constraints without reference multipliers, after their values.
+template <class T, int rows, int arity>
+SIM_HD void without_reference(Evaluation<T, rows, arity>& out) {
+  for (int row = 0; row < rows; ++row) out.remainder[row] = out.value[row];
+  for (int i = 0; i < arity; ++i) out.preload[i] = Vec3<T>{};
+}
 
 // The default of a parameter that a scene has to give.
 inline constexpr double required = std::numeric_limits<double>::quiet_NaN();

@@ -107,6 +107,7 @@ class FemSolver final : public Solver {
   }
 
   void advance_frame() override {
+    system_.refresh();
     if (is_static(options_)) {
       find_equilibrium();
     } else {

@@ -23,7 +23,8 @@ T element_force(const typename Effect::template Rest<T>& rest, const T* memory,
   }
   T energy(0);
   if constexpr (Effect::rows > 0) {
-    impulses_of<Arithmetic::force>(c, {}, T(1), T(1), static_cast<T*>(nullptr), force);
+    const T mobility[Effect::arity] = {};  // of no concern to a force
+    impulses_of<Arithmetic::force>(c, mobility, T(1), T(1), static_cast<T*>(nullptr), force);
     for (int row = 0; row < Effect::rows; ++row) {
       energy += T(0.5) * c.stiffness[row] * c.value[row] * c.value[row];
     }

@@ -81,16 +81,20 @@ bool FemNewton::is_settled(const FemFields& fields) {
   return false;
 }
 
+// A body that nothing holds yet has a singular tangent: the shift bounds its step.
 bool FemNewton::find_step(const FemFields& fields, const NodeField& moves) {
+  constexpr double least_shift = 1e-8;
   const double wanted = 0.1 * bound(fields) / unbalanced(now_);
   const double tolerance = std::clamp(wanted, 1e-3, 0.1);
-  for (;;) {
+  for (double shift = 0.0; shift <= 1.0;) {
     system_.begin(now_.sum, moves);
     for (const auto& term : terms_) term->add_tangent(fields, tangent_, system_);
+    if (shift > 0.0) system_.add_diagonal(shift, stiffness_);
     if (system_.solve(tolerance, step_)) return true;
-    if (tangent_ == Tangent::definite) return false;
+    if (tangent_ == Tangent::definite) shift = std::max(least_shift, 100.0 * shift);
     tangent_ = Tangent::definite;
   }
+  return false;
 }
 
 // Halves the step until the potential falls enough (Armijo). The work of the forces that have none

@@ -79,6 +79,15 @@ void FemSystem::add_block(int a, int b, int place, const Eigen::Matrix3d& block)
   if (is_free(b)) r_.segment<3>(3 * dof_[b]) -= block.transpose() * vector(moves_[a]);
 }
 
+void FemSystem::add_diagonal(double factor, const std::vector<double>& k) {
+  for (int i = 0; i < free_count(); ++i) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const int column = 3 * i + axis;
+      lower_.valuePtr()[lower_.outerIndexPtr()[column] + axis] += factor * k[nodes_[i]];
+    }
+  }
+}
+
 bool FemSystem::solve(double tolerance, std::vector<Vec3<double>>& step) {
   if (free_count() > 0 && !linear_->solve(lower_, r_, tolerance, p_)) return false;
   step = moves_;

@@ -18,6 +18,7 @@ class LinearSolver {
  public:
   virtual ~LinearSolver() = default;
   virtual void analyse(const Eigen::SparseMatrix<double>& lower) = 0;
+  virtual void refresh() {}  // forgets what was kept of earlier systems
   // Solves K p = r to a relative residual of `tolerance` (direct solvers: to round-off). False when
   // K is not positive definite, or no solution was found.
   virtual bool solve(const Eigen::SparseMatrix<double>& lower, const Eigen::VectorXd& r,
@@ -45,7 +46,11 @@ class FemSystem {
     return places;
   }
 
+  // What follows depends on nothing that went before.
+  void refresh() { linear_->refresh(); }
+
   bool is_free(int node) const { return dof_[node] >= 0; }
+  const Eigen::SparseMatrix<double>& matrix() const { return lower_; }  // lower half; whole blocks
   int free_count() const { return static_cast<int>(nodes_.size()); }
 
   // K = 0, r = residual. `moves` is what the nodes that are not free are about to do, m.
@@ -60,6 +65,8 @@ class FemSystem {
       }
     }
   }
+  // K += factor diag(k), one k a node.
+  void add_diagonal(double factor, const std::vector<double>& k);
   // The step of all nodes: the solution, and the moves. False when K is not positive definite.
   bool solve(double tolerance, std::vector<Vec3<double>>& step);
 

@@ -54,7 +54,7 @@ struct Prepared<Effect, T, EffectKind::element> {
     vertices.assign(elements.begin(), elements.end());
     rest.reserve(vertices.size());
     for (std::size_t e = 0; e < vertices.size(); ++e) {
-      rest.push_back(Effect::template rest<T>(model, e, params, dt));
+      rest.push_back(Effect::template rest<T>(model, elements, e, params, dt));
     }
   }
 };

@@ -2,17 +2,17 @@
 // means.
 #include <gtest/gtest.h>
 
+#include "sim/best_rotation.hpp"
 #include "sim/regions.hpp"
-#include "sim/rotation.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
 namespace {
 
-Quaternion rotation_about(const Vec3<double>& axis, double angle) {
+Quaternion<double> rotation_about(const Vec3<double>& axis, double angle) {
   return {std::cos(0.5 * angle), (std::sin(0.5 * angle) / norm(axis)) * axis};
 }
-Mat3<double> matrix_of(const Quaternion& q) {
+Mat3<double> matrix_of(const Quaternion<double>& q) {
   const auto image = [&q](const Vec3<double>& e) { return e + turn(q, e); };
   return {{image({1, 0, 0}), image({0, 1, 0}), image({0, 0, 1})}};
 }
@@ -28,13 +28,13 @@ TEST(Rotation, IsThePolarFactorWhateverTheAngleAndTheStretch) {
       const Mat3<double> root{{random_vector(generator, 1.0), random_vector(generator, 1.0),
                                random_vector(generator, 1.0)}};
       const Mat3<double> stretch = plus_identity(0.1, transpose(root) * root);
-      EXPECT_LT(distance(matrix_of(nearest_rotation(r * stretch)), r), 1e-13) << angle;
+      EXPECT_LT(distance(matrix_of(best_rotation(r * stretch)), r), 1e-13) << angle;
     }
   }
 }
 
 TEST(Rotation, OfASymmetricMatrixIsTheIdentityToTheBitAndOfACollapseProper) {
-  const Quaternion q = nearest_rotation({{{2, 0.3, 0.1}, {0.3, 1, 0.2}, {0.1, 0.2, 3}}});
+  const Quaternion<double> q = best_rotation({{{2, 0.3, 0.1}, {0.3, 1, 0.2}, {0.1, 0.2, 3}}});
   EXPECT_EQ(q.w, 1.0);
   EXPECT_EQ(norm(q.v), 0.0);
   const Mat3<double> collapsed[] = {{{{1, 0, 0}, {0, 1, 0}, {0, 0, -1}}},  // mirrored
@@ -42,7 +42,7 @@ TEST(Rotation, OfASymmetricMatrixIsTheIdentityToTheBitAndOfACollapseProper) {
                                     {{{1, 0, 0}, {1, 0, 0}, {1, 0, 0}}},   // a line
                                     {}};                                   // a point
   for (const auto& m : collapsed) {
-    EXPECT_NEAR(det(matrix_of(nearest_rotation(m))), 1.0, 1e-14);
+    EXPECT_NEAR(det(matrix_of(best_rotation(m))), 1.0, 1e-14);
   }
 }
 
@@ -71,7 +71,7 @@ TEST(ShapeMatching, RigidMotionCostsNothing) {
     for (const auto& [precision, limit] :
          {std::pair{Precision::fp64, 1e-12}, std::pair{Precision::fp32, 2e-6}}) {
       for (const double angle : {0.0, 0.7, M_PI}) {
-        const Quaternion q = rotation_about({1.0, 2.0, -0.5}, angle);
+        const Quaternion<double> q = rotation_about({1.0, 2.0, -0.5}, angle);
         State start = at_rest(model);
         for (std::size_t i = 0; i < model.vertex_count(); ++i) {
           start.u[i] = turn(q, model.rest[i]) + Vec3<double>{0.1, -0.2, 0.05};

@@ -1,4 +1,4 @@
-#include "sim/rotation.hpp"
+#include "sim/best_rotation.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -24,7 +24,7 @@ void annihilate(double (&m)[4][4], double (&e)[4][4], int p, int q) {
 
 }  // namespace
 
-Quaternion nearest_rotation(const Mat3<double>& m) {
+Quaternion<double> best_rotation(const Mat3<double>& m) {
   const auto& [a, b, c] = m.col;
   const double trace = a.x + b.y + c.z;
   const double wx = b.z - c.y, wy = c.x - a.z, wz = a.y - b.x;
