@@ -41,8 +41,8 @@ struct Model {
 
 // `points_m` are positions in metres, `labels` one per tet, `materials` one per label.
 // Throws Refusal for an empty mesh, coordinates that are not finite, indices out of range, inverted
-// or flat tets (with counts), vertices without a tet, labels without material, materials out of
-// range.
+// or flat tets (with counts), vertices without a tet or at the place of another, labels without
+// material, materials out of range.
 Model make_model(std::span<const Vec3<double>> points_m, std::span<const Tet> tets,
                  std::span<const int> labels, const std::map<int, Material>& materials,
                  const std::map<int, std::string>& label_names = {});

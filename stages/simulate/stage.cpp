@@ -12,6 +12,7 @@
 #include "pipeline/contract/log.hpp"
 #include "sim/refusal.hpp"
 #include "sim/stability.hpp"
+#include "sim/start.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
 #include "stages/simulate/body.hpp"
@@ -138,13 +139,13 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
   run.metric("stability_Cs_tet", stability.cs_tet);
   run.metric("stability_kappa_max", stability.kappa_max);
   run.metric("altitude_min", m_to_mm * stability.altitude_min, "mm");
+  const sim::StabilityLimit& limit = stability.limit;
   if (scene.time.substeps != asked_substeps) {
-    log::warn("substeps raised from {} to {} a frame, so that Cs is {:.2f} (limit {:.1f})",
-              asked_substeps, scene.time.substeps, stability.cs_max, sim::cs_limit);
-  } else if (stability.cs_max > sim::cs_limit) {
-    log::warn(
-        "Cs is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
-        stability.cs_max, stability.cs_tet, sim::cs_limit, stability.substeps_needed);
+    log::warn("substeps raised from {} to {} a frame, so that {} is {:.2f} (limit {:.1f})",
+              asked_substeps, scene.time.substeps, limit.name, limit.value, limit.at_most);
+  } else if (limit.value > limit.at_most) {
+    log::warn("{} is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
+              limit.name, limit.value, limit.tet, limit.at_most, stability.substeps_needed);
   }
   log::info("Cs {:.3f}, kappa {:.3f}, {} substeps of {:.3g} ms", stability.cs_max,
             stability.kappa_max, scene.time.substeps, 1e3 * scene.time.substep_s());
@@ -240,7 +241,7 @@ void simulate(StageRun& run) {
   const TetMesh mesh = read_vtu(run.input("mesh"));
   const sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
   const int asked_substeps = file.scene.time.substeps;
-  const sim::Stability stability = apply_policy(model, file.scene);
+  const sim::Stability stability = apply_policy(model, file.scene, solver_options(run).method);
   report_stability(run, stability, file.scene, asked_substeps);
   report_viscosity(run, model, file.scene);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
@@ -250,8 +251,10 @@ void simulate(StageRun& run) {
   log::info("{} tets, {} vertices on {}; effects: {}", model.tet_count(), model.vertex_count(),
             solver->device(), fmt::join(effects_on(file.scene), ", "));
   if (run.has_input("checkpoint")) {
-    solver->set_state(
-        read_checkpoint(run.input("checkpoint"), model.vertex_count(), file.scene.time));
+    const sim::State start =
+        read_checkpoint(run.input("checkpoint"), model.vertex_count(), file.scene.time);
+    check_start(model, start);
+    solver->set_state(start);
   }
   TrajectoryWriter trajectory(run.out(""), mesh);
   MetricsFile metrics(run.out("metrics.csv"));
