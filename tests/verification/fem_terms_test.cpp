@@ -222,7 +222,8 @@ NodeField equilibrium(const Model& model, const FemMesh& mesh, const std::vector
   for (const auto& term : terms) term->take_places(system);
   FemOptions options;
   options.tolerance = 1e-12;
-  FemNewton newton(system, terms, options, std::vector<double>(nodes, 0.0));
+  const std::vector<double> stiffness(nodes, 0.0);
+  FemNewton newton(system, terms, options, stiffness);
   NodeField d(nodes);
   EXPECT_EQ(newton.solve({u, d, {1.0, 1.0}}, d, NodeField(nodes)), "");
   for (std::size_t i = 0; i < nodes; ++i) u[i] += d[i];
@@ -254,8 +255,8 @@ TEST(FemTerms, AConfinedColumnSagsLinearlyAtEveryAmplitude) {
     EXPECT_LE(column_error(young, 2, 3), 1e-8) << young;  // its parabola is within their reach
   }
   const double coarse = column_error(1e4, 1, 8), fine = column_error(1e4, 1, 16);
-  std::printf("column linear %g %g\n", coarse, fine);
-  EXPECT_LE(fine, 0.01);
+  EXPECT_LE(fine, 0.002);
+  EXPECT_GE(std::log2(coarse / fine), 1.8);
 }
 
 // Cook's membrane in plane strain: u_y in the middle of the loaded edge, mm.
@@ -309,10 +310,8 @@ double cooks_membrane(double nu, int order, int cells) {
 }
 
 TEST(FemTerms, CooksMembraneReachesThePublishedDeflection) {
-  std::printf("cook %g %g %g\n", cooks_membrane(0.3, 2, 8), cooks_membrane(0.3, 2, 16),
-              cooks_membrane(0.3, 1, 32));
   EXPECT_NEAR(cooks_membrane(0.3, 2, 16), 7.884, 0.005 * 7.884);
-  EXPECT_NEAR(cooks_membrane(0.45, 2, 16), 7.242, 0.005 * 7.242);
+  EXPECT_NEAR(cooks_membrane(0.45, 2, 24), 7.242, 0.005 * 7.242);
 }
 
 // A smooth displacement, and the acceleration that holds it.
@@ -352,7 +351,7 @@ struct Manufactured {
 struct Errors {
   double l2, h1;  // relative
 };
-// Measured at the centres of the tets' quarters near the corners (linear tets only).
+// Of linear tets, measured at four points of each.
 Errors manufactured_errors(double nu, int cells) {
   const Manufactured exact{{.youngs_modulus = 5e3, .poisson_ratio = nu, .density = 1060.0}};
   const Model model = make_five_tet_box({0.1, 0.1, 0.1}, {cells, cells, cells}, exact.material);
@@ -386,10 +385,11 @@ Errors manufactured_errors(double nu, int cells) {
 }
 
 TEST(FemTerms, LinearTetsConvergeWithTheirOrders) {
-  for (const double nu : {0.0, 0.3, 0.4, 0.45, 0.49}) {
-    const Errors a = manufactured_errors(nu, 8), b = manufactured_errors(nu, 16);
-    std::printf("nu %g: l2 %g %g order %g, h1 order %g\n", nu, a.l2, b.l2, std::log2(a.l2 / b.l2),
-                std::log2(a.h1 / b.h1));
+  // nu = 0.45 and 0.49 lose order in L2 at these sizes (1.82, 1.38): locking.
+  for (const double nu : {0.0, 0.3, 0.4}) {
+    const Errors coarse = manufactured_errors(nu, 8), fine = manufactured_errors(nu, 16);
+    EXPECT_GE(std::log2(coarse.l2 / fine.l2), 1.9) << nu;
+    EXPECT_GE(std::log2(coarse.h1 / fine.h1), 0.95) << nu;
   }
 }
 
