@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <limits>
-#include <map>
+
+#include "sim/surface.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -13,7 +14,19 @@ Mat3<double> gradient_of(const Model& model, const State& state, std::size_t tet
   return displacement_gradient(u, model.rest_inverse[tet]);
 }
 
-void add_tets(const Model& model, const State& state, bool elastic, Diagnostics& sum) {
+// Of every elastic law that is on, J/m3.
+double energy_density(const Scene& scene, const Material& material, const Mat3<double>& h) {
+  double density = 0.0;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (requires { Effect::energy_density(material, h); }) {
+      const auto times = static_cast<double>(std::get<i>(scene.effects).size());
+      if (times > 0.0) density += times * Effect::energy_density(material, h);
+    }
+  });
+  return density;
+}
+
+void add_tets(const Model& model, const Scene& scene, const State& state, Diagnostics& sum) {
   sum.min_j = std::numeric_limits<double>::infinity();
   double rest_volume = 0.0;
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
@@ -23,9 +36,7 @@ void add_tets(const Model& model, const State& state, bool elastic, Diagnostics&
     if (j <= 0.0) ++sum.inverted;
     sum.volume += j * model.volume[t];
     rest_volume += model.volume[t];
-    if (elastic) {
-      sum.elastic += NeoHookean::energy_density(model.material(t), h) * model.volume[t];
-    }
+    sum.elastic += energy_density(scene, model.material(t), h) * model.volume[t];
   }
   sum.volume_ratio = sum.volume / rest_volume;
 }
@@ -34,7 +45,7 @@ void add_tets(const Model& model, const State& state, bool elastic, Diagnostics&
 
 Diagnostics diagnose(const Model& model, const Scene& scene, const State& state) {
   Diagnostics sum;
-  add_tets(model, state, scene.has<NeoHookean>(), sum);
+  add_tets(model, scene, state, sum);
   Vec3<double> g;
   for (const auto& gravity : scene.params<Gravity>()) g += Gravity::vector(gravity);
   double mass = 0.0;
@@ -56,22 +67,13 @@ double smoothness(const Model& model, const State& state) {
     const double j = 1.0 + NeoHookean::volume_strain(gradient_of(model, state, t));
     volume[t] = std::max(0.0, j * model.volume[t]);
   }
-  constexpr int faces[4][3] = {{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}};
-  std::map<std::array<int, 3>, std::size_t> open;
   double sum = 0.0;
   std::size_t pairs = 0;
-  for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    for (const auto& face : faces) {
-      std::array<int, 3> key = {model.tets[t][face[0]], model.tets[t][face[1]],
-                                model.tets[t][face[2]]};
-      std::ranges::sort(key);
-      const auto [other, is_new] = open.emplace(key, t);
-      if (is_new) continue;
-      const auto [low, high] = std::minmax(volume[t], volume[other->second]);
-      sum += high > 0.0 ? low / high : 0.0;
-      ++pairs;
-      open.erase(other);
-    }
+  for (const TetFace& face : tet_faces(model)) {
+    if (face.other < 0) continue;
+    const auto [low, high] = std::minmax(volume[face.tet], volume[face.other]);
+    sum += high > 0.0 ? low / high : 0.0;
+    ++pairs;
   }
   return pairs > 0 ? sum / static_cast<double>(pairs) : 1.0;
 }

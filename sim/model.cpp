@@ -1,7 +1,9 @@
 #include "sim/model.hpp"
 
 #include <algorithm>
+#include <numeric>
 #include <string>
+#include <tuple>
 
 #include "sim/refusal.hpp"
 
@@ -62,6 +64,28 @@ void check_topology(std::span<const Vec3<double>> points, std::span<const Tet> t
   }
 }
 
+// Tets on either side of two points at one place would come apart without a word.
+void check_places(std::span<const Vec3<double>> points) {
+  std::vector<std::size_t> order(points.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto place = [&points](std::size_t i) {
+    return std::tuple{points[i].x, points[i].y, points[i].z, i};
+  };
+  std::ranges::sort(order, {}, place);
+  std::size_t count = 0, first = points.size();
+  for (std::size_t k = 1; k < order.size(); ++k) {
+    const Vec3<double>&a = points[order[k - 1]], &b = points[order[k]];
+    if (a.x != b.x || a.y != b.y || a.z != b.z) continue;
+    ++count;
+    first = std::min(first, order[k]);
+  }
+  if (count == 0) return;
+  throw Refusal(Cause::mesh, "points",
+                std::to_string(count) + " at the place of another, the first is number " +
+                    std::to_string(first),
+                "one point a place", "merge them: tets that meet there would come apart");
+}
+
 Vec3<double> centroid(std::span<const Vec3<double>> points) {
   Vec3<double> sum;
   for (const auto& p : points) sum += p;
@@ -113,6 +137,7 @@ Model make_model(std::span<const Vec3<double>> points_m, std::span<const Tet> te
                  std::span<const int> labels, const std::map<int, Material>& materials,
                  const std::map<int, std::string>& label_names) {
   check_topology(points_m, tets, labels);
+  check_places(points_m);
   Model model;
   std::map<int, int> index_of;
   for (const int label : labels) index_of.emplace(label, 0);

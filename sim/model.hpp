@@ -41,8 +41,8 @@ struct Model {
 
 // `points_m` are positions in metres, `labels` one per tet, `materials` one per label.
 // Throws Refusal for an empty mesh, coordinates that are not finite, indices out of range, inverted
-// or flat tets (with counts), vertices without a tet, labels without material, materials out of
-// range.
+// or flat tets (with counts), vertices without a tet or at the place of another, labels without
+// material, materials out of range.
 Model make_model(std::span<const Vec3<double>> points_m, std::span<const Tet> tets,
                  std::span<const int> labels, const std::map<int, Material>& materials,
                  const std::map<int, std::string>& label_names = {});
@@ -52,6 +52,19 @@ template <class T>
 SIM_HD Mat3<T> displacement_gradient(const Vec3<T> u[4], const Mat3<T>& rest_inverse) {
   const Mat3<T> edges{{u[1] - u[0], u[2] - u[0], u[3] - u[0]}};
   return edges * rest_inverse;
+}
+
+// Edges of a tet's displacement u + d. The differences of u and of d apart: their sum would round
+// away the substep's motion.
+template <class T>
+SIM_HD Mat3<T> displacement_edges(const Vec3<T> u[4], const Vec3<T> d[4]) {
+  return {{(u[1] - u[0]) + (d[1] - d[0]), (u[2] - u[0]) + (d[2] - d[0]),
+           (u[3] - u[0]) + (d[3] - d[0])}};
+}
+template <class T>
+SIM_HD Mat3<T> displacement_gradient(const Vec3<T> u[4], const Vec3<T> d[4],
+                                     const Mat3<T>& rest_inverse) {
+  return displacement_edges(u, d) * rest_inverse;
 }
 
 }  // namespace viscera::sim

@@ -41,7 +41,7 @@ struct Scene {
   }
 };
 
-// Throws Refusal for a time grid or a direction that makes no sense.
+// Throws Refusal for a time grid, a direction or a parameter that makes no sense.
 void check_scene(const Scene& scene);
 
 }  // namespace viscera::sim

@@ -1,7 +1,9 @@
 #include "sim/stability.hpp"
 
 #include <algorithm>
+#include <iomanip>
 #include <limits>
+#include <sstream>
 #include <string>
 
 #include "sim/refusal.hpp"
@@ -9,59 +11,74 @@
 namespace viscera::sim {
 namespace {
 
-// The altitude over vertex i is 1/|grad N_i|; rows of B are the gradients of N_1 to N_3.
-double smallest_altitude(const Mat3<double>& rest_inverse) {
+struct Shape {
+  double altitude;  // m, the smallest
+  double spread;    // sum |g_i|^2, 1/m2
+};
+
+// Rows of B are the gradients of N_1 to N_3; the altitude over vertex i is 1/|grad N_i|.
+Shape shape_of(const Mat3<double>& rest_inverse) {
   const Mat3<double> rows = transpose(rest_inverse);
-  const Vec3<double> first = -(rows.col[0] + rows.col[1] + rows.col[2]);
-  double steepest = norm(first);
-  for (const auto& gradient : rows.col) steepest = std::max(steepest, norm(gradient));
-  return 1.0 / steepest;
+  const auto& [a, b, c] = rows.col;
+  const Vec3<double> gradients[4] = {-(a + b + c), a, b, c};
+  double steepest = 0.0, squares = 0.0;
+  for (const auto& g : gradients) {
+    steepest = std::max(steepest, norm(g));
+    squares += dot(g, g);
+  }
+  return {1.0 / steepest, squares};
+}
+
+// Only the Neo-Hookean block has a limit: a scene without it has nothing to obey.
+StabilityLimit limit_of(const Stability& s, Method method) {
+  if (method == Method::tled) return {"Courant", s.courant_max, courant_limit, s.courant_tet};
+  if (method == Method::fem) return {"none", 0.0, 1.0, 0};
+  return {"Cs", s.cs_max, cs_limit, s.cs_tet};
 }
 
 }  // namespace
 
-Stability assess(const Model& model, const TimeGrid& time) {
+Stability assess(const Model& model, const TimeGrid& time, Method method) {
   Stability result;
   result.altitude_min = std::numeric_limits<double>::infinity();
   const double dt = time.substep_s();
+  const auto keep_largest = [](double value, std::size_t tet, double& largest, std::size_t& where) {
+    if (value > largest) largest = value, where = tet;
+  };
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     const Material material = model.material(t);
     const Lame constants = lame(material);
-    const double h = smallest_altitude(model.rest_inverse[t]);
-    const double cs = dt * std::sqrt(constants.mu / material.density) / h;
-    const double kappa =
-        dt * std::sqrt((constants.lambda + 2.0 * constants.mu) / material.density) / h;
+    const auto [h, spread] = shape_of(model.rest_inverse[t]);
+    const double shear = dt * std::sqrt(constants.mu / material.density);
+    const double sound = dt * std::sqrt((constants.lambda + 2.0 * constants.mu) / material.density);
     result.altitude_min = std::min(result.altitude_min, h);
-    if (cs > result.cs_max) {
-      result.cs_max = cs;
-      result.cs_tet = t;
-    }
-    if (kappa > result.kappa_max) {
-      result.kappa_max = kappa;
-      result.kappa_tet = t;
-    }
+    keep_largest(shear / h, t, result.cs_max, result.cs_tet);
+    keep_largest(sound / h, t, result.kappa_max, result.kappa_tet);
+    keep_largest(sound * std::sqrt(spread), t, result.courant_max, result.courant_tet);
   }
-  const double needed = time.substeps * result.cs_max / cs_limit;
+  result.limit = limit_of(result, method);
+  const double needed = time.substeps * result.limit.value / result.limit.at_most;
   result.substeps_needed = std::max(1.0, std::ceil(needed * (1.0 - 1e-12)));
   return result;
 }
 
-Stability apply_policy(const Model& model, Scene& scene) {
-  // Only the Neo-Hookean block has this limit; a scene without it has nothing to obey.
-  const Stability first = assess(model, scene.time);
-  if (!scene.has<NeoHookean>() || first.cs_max <= cs_limit) return first;
+Stability apply_policy(const Model& model, Scene& scene, Method method) {
+  const Stability first = assess(model, scene.time, method);
+  const StabilityLimit& limit = first.limit;
+  if (!scene.has<NeoHookean>() || limit.value <= limit.at_most) return first;
   if (scene.stability == StabilityPolicy::warn) return first;
   const double needed = first.substeps_needed;
   if (scene.stability == StabilityPolicy::refuse || needed > max_substeps) {
-    throw Refusal(Refusal::Cause::scene, "time.substeps",
-                  std::to_string(scene.time.substeps) + ", which makes Cs " +
-                      std::to_string(first.cs_max) + " at tet " + std::to_string(first.cs_tet),
-                  std::to_string(std::llround(std::min(needed, 1e18))) +
-                      " substeps for Cs 0.6, and at most " + std::to_string(max_substeps),
+    std::ostringstream found, at_most;
+    found << scene.time.substeps << ", which makes " << limit.name << ' ' << limit.value
+          << " at tet " << limit.tet;
+    at_most << std::setprecision(15) << needed << " substeps for " << limit.name << ' '
+            << limit.at_most << ", and at most " << max_substeps;
+    throw Refusal(Refusal::Cause::scene, "time.substeps", found.str(), at_most.str(),
                   "raise time.substeps, soften the material, or mesh without slivers");
   }
   scene.time.substeps = static_cast<int>(needed);
-  return assess(model, scene.time);
+  return assess(model, scene.time, method);
 }
 
 }  // namespace viscera::sim

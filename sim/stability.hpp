@@ -1,33 +1,51 @@
-// Two numbers that decide, before the first step, whether a run can be trusted. With h the smallest
-// altitude of a tet and dt the substep:
+// Numbers that decide, before the first step, whether a run can be trusted. With h the smallest
+// altitude of a tet, g_i the gradients of its shape functions and dt the substep:
 //
-//   Cs = dt sqrt(mu/rho) / h                     the Neo-Hookean block is explicit in shear at
-//   rest:
-//                                                above about 0.6 it blows up or collapses
-//   kappa = dt sqrt((lambda + 2 mu)/rho) / h     below about 0.2 one iteration a substep is
-//   converged
-//                                                to a percent or two
+//   Cs = dt sqrt(mu/rho) / h: the Neo-Hookean block of XPBD is explicit in shear at rest, and above
+//   about 0.6 it blows up or collapses
+//
+//   kappa = dt sqrt((lambda + 2 mu)/rho) / h: below about 0.2 one iteration a substep is converged
+//   to a percent or two
+//
+//   Courant = dt sqrt((lambda + 2 mu)/rho sum |g_i|^2): explicit dynamics (TLED) is unstable above
+//   1 at rest. A tet's stiffness over its lumped mass has no eigenvalue above
+//   4/rho (lambda + 2 mu) sum |g_i|^2, no mode of the mesh is faster than that of its fastest tet
+//   (Irons and Treharne 1971), and central differences need dt w <= 2. A tenth is kept for
+//   deformation.
 #pragma once
 
 #include "sim/model.hpp"
 #include "sim/scene.hpp"
+#include "sim/solvers/options.hpp"
 
 namespace viscera::sim {
 
 inline constexpr double cs_limit = 0.6;
+inline constexpr double courant_limit = 0.9;
 inline constexpr int max_substeps = 1000000;  // per frame; more is refused
+
+// The number that the method must keep small, and where it is largest.
+struct StabilityLimit {
+  const char* name;
+  double value, at_most;
+  std::size_t tet;
+};
 
 struct Stability {
   double cs_max = 0.0, kappa_max = 0.0;
   std::size_t cs_tet = 0, kappa_tet = 0;  // where
   double altitude_min = 0.0;              // m
-  double substeps_needed = 1.0;           // per frame, for Cs <= cs_limit; a whole number
+  double courant_max = 0.0;               // explicit dynamics: dt over its limit
+  std::size_t courant_tet = 0;
+  StabilityLimit limit = {};     // of the method that was asked for
+  double substeps_needed = 1.0;  // per frame, to keep it; a whole number
 };
 
-Stability assess(const Model& model, const TimeGrid& time);
+Stability assess(const Model& model, const TimeGrid& time, Method method = Method::xpbd);
 
 // Follows scene.stability: raises the substeps, or throws Refusal with the number that is needed,
-// or leaves the grid as it is. Returns the assessment of the grid that will be used.
-Stability apply_policy(const Model& model, Scene& scene);
+// or leaves the grid as it is. Implicit finite elements have no limit. Returns the assessment of
+// the grid that will be used.
+Stability apply_policy(const Model& model, Scene& scene, Method method = Method::xpbd);
 
 }  // namespace viscera::sim

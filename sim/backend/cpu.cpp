@@ -7,8 +7,8 @@
 #include <chrono>
 #include <optional>
 
-#include "sim/backend/cpu_elements.hpp"
-#include "sim/backend/team.hpp"
+#include "sim/backend/cpu_regions.hpp"
+#include "sim/backend/cpu_self_contact.hpp"
 #include "sim/refusal.hpp"
 
 namespace viscera::sim {
@@ -22,6 +22,14 @@ struct OnCpu {
 template <class Effect, class T>
 struct OnCpu<Effect, T, EffectKind::element> : CpuElements<Effect, T> {
   using CpuElements<Effect, T>::CpuElements;
+};
+template <class Effect, class T>
+struct OnCpu<Effect, T, EffectKind::region> : CpuRegions<Effect, T> {
+  using CpuRegions<Effect, T>::CpuRegions;
+};
+template <class Effect, class T>
+struct OnCpu<Effect, T, EffectKind::self_contact> : CpuSelfContact<T> {
+  using CpuSelfContact<T>::CpuSelfContact;
 };
 template <class Effect, class T>
 struct OnCpu<Effect, T, EffectKind::contact> {
@@ -46,8 +54,8 @@ class CpuSolver final : public Solver {
         layout_(model, program_, options),
         team_(thread_count(options.threads, model)),
         n_(layout_.vertices),
-        u_(n_ + 1),
-        d_(n_ + 1),
+        u_(n_),
+        d_(n_),
         v_(n_) {
     const T dt = static_cast<T>(program_.dt);
     for (int i = 0; i < n_; ++i) d_[i].w = program_.inverse_mass[i] * (dt * dt);
@@ -70,10 +78,20 @@ class CpuSolver final : public Solver {
         begin(mine);
         apply_forces(mine);
         apply_motions(mine, step);
+        lap.took(step_part);
+        for_each_self_contact([&](auto& own, std::size_t effect) {
+          team_.barrier();
+          own.push(team_, rank, u_, d_);
+          lap.took(effect);
+        });
         push_contacts(mine, step);
         lap.took(step_part);
         team_.barrier();
         for (int i = 0; i < options_.iterations; ++i) solve_elements(rank, mine, i, lap);
+        for_each_self_contact([&](auto& own, std::size_t effect) {
+          own.rub(team_, rank, u_, d_);
+          lap.took(effect);
+        });
         rub_contacts(mine, step);
         end(mine);
         lap.took(step_part);
@@ -102,6 +120,8 @@ class CpuSolver final : public Solver {
     for_each_slot<EffectKind::contact>(own_, [&count]<class Effect>(const auto& own) {
       count += std::ranges::count_if(own.correction, touches<T>);
     });
+    for_each_slot<EffectKind::self_contact>(
+        own_, [&count]<class Effect>(const auto& own) { count += own.count(); });
     return count;
   }
   std::string device() const override {
@@ -116,6 +136,7 @@ class CpuSolver final : public Solver {
   }
 
  private:
+  static constexpr int shared_groups = 4;  // a thread's least part of a colour that is shared out
   static constexpr std::size_t step_part = Effects::size;  // what is not one effect's
   using Seconds = std::array<double, Effects::size + 1>;
 
@@ -156,7 +177,8 @@ class CpuSolver final : public Solver {
     for_each_slot<EffectKind::motion>(program_.effects, [&]<class Effect>(const auto& effect) {
       for (const int i : effect.vertices) {
         if (i < mine.begin || i >= mine.end) continue;
-        d_[i].v = Effect::target(effect.device, program_.rest[i], step.time) - u_[i].v;
+        d_[i].v =
+            Effect::target(effect.device, program_.rest[i], static_cast<T>(step.time)) - u_[i].v;
       }
     });
   }
@@ -175,6 +197,11 @@ class CpuSolver final : public Solver {
           } else {
             sweep_colors(own, sweep, rank);
           }
+          lap.took(i);
+        }
+      } else if constexpr (Effect::kind == EffectKind::region) {
+        for (auto& own : std::get<i>(own_)) {
+          own.solve(arithmetic, options_.stiffness, team_, rank, mine, u_, d_);
           lap.took(i);
         }
       }
@@ -198,10 +225,19 @@ class CpuSolver final : public Solver {
   template <class Elements>
   void sweep_colors(Elements& own, Sweep<T> sweep, int rank) {
     const SweepFields<T> fields = fields_of(own);
-    for (const Range color : own.packed.colors) {
-      sweep(own.packed.groups.data(), part_of(color, rank, team_.size()), fields);
+    const auto& colors = own.packed.colors;
+    // The last colours hold a few elements each: one thread takes them without waiting in between.
+    const auto tail = std::ranges::find_if(colors, [this](Range color) {
+      return color.end - color.begin < shared_groups * team_.size();
+    });
+    for (auto color = colors.begin(); color != tail; ++color) {
+      sweep(own.packed.groups.data(), part_of(*color, rank, team_.size()), fields);
       team_.barrier();
     }
+    if (rank == 0 && tail != colors.end()) {
+      sweep(own.packed.groups.data(), {tail->begin, colors.back().end}, fields);
+    }
+    team_.barrier();
   }
 
   // Jacobi: all elements from the same d, then each vertex sums what is its own, in a fixed order.
@@ -243,6 +279,16 @@ class CpuSolver final : public Solver {
     lap.took(step_part);
   }
 
+  // function(own, index of the effect)
+  template <class Function>
+  void for_each_self_contact(Function&& function) {
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (Effect::kind == EffectKind::self_contact) {
+        for (auto& own : std::get<i>(own_)) function(own, i);
+      }
+    });
+  }
+
   void push_contacts(Range mine, const Step<T>& step) {
     for_each_contact([&]<class Effect>(const auto& device, std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
@@ -258,6 +304,10 @@ class CpuSolver final : public Solver {
     for_each_contact([&]<class Effect>(const auto& device, const std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
         if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i].v);
+        if constexpr (can_stop<Effect, T>) {
+          if (!(d_[i].w > T(0))) continue;
+          d_[i].v += Effect::stop(device, step, program_.rest[i], u_[i].v, d_[i].v);
+        }
       }
     });
   }
@@ -294,7 +344,7 @@ class CpuSolver final : public Solver {
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;
-  std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m; both with a spare vertex
+  std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m
   std::vector<Vec3<T>> v_;     // m/s
 };
 

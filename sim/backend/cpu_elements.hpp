@@ -13,7 +13,7 @@ namespace viscera::sim {
 
 // What all effects of a run share.
 struct ElementLayout {
-  int vertices;  // the spare vertex has this number
+  int vertices;
   Scheme scheme;
   bool iterates;                 // several iterations a substep: multipliers are kept
   std::optional<Blocks> blocks;  // block Gauss-Seidel only
@@ -43,7 +43,8 @@ struct CpuElements {
   Packed packed;
   std::vector<Vec3<T>> impulses;  // Jacobi only: [groups * arity * W] N
 
-  CpuElements(const Prepared<Effect, T>& elements, const ElementLayout& layout) {
+  CpuElements(const Prepared<Effect, T>& elements, const ElementLayout& layout)
+      : elements_(elements.vertices.size()) {
     // A force is taken in full: its stability is that of one element after the other.
     const Scheme scheme = Effect::rows > 0 ? layout.scheme : Scheme::gauss_seidel;
     if (scheme == Scheme::block_gauss_seidel) {
@@ -51,7 +52,7 @@ struct CpuElements {
     } else {
       std::vector<int> all(elements.vertices.size());
       std::iota(all.begin(), all.end(), 0);
-      packed.append(all, elements.vertices, {0, layout.vertices}, elements.rest, layout.vertices);
+      packed.append(all, elements.vertices, {0, layout.vertices}, elements.rest);
     }
     const std::size_t lanes = packed.groups.size() * Packed::width;
     if (layout.iterates) packed.multipliers.resize(lanes * Effect::rows);
@@ -74,27 +75,31 @@ struct CpuElements {
 
   // Appends what every element remembers, in the order of the elements.
   void save_memory(std::vector<double>& memory) const {
-    for (const int place : packed.place) {
-      for (int k = 0; k < Packed::memory_size; ++k) memory.push_back(packed.memory[at(place, k)]);
-    }
+    const std::size_t begin = memory.size();
+    memory.resize(begin + elements_ * Packed::memory_size);
+    for_each_memory([&](std::size_t by_element, std::size_t by_lane) {
+      memory[begin + by_element] = packed.memory[by_lane];
+    });
   }
   // Takes its own from the front of `memory`; an empty one stands for zeros.
   void load_memory(std::span<const double>& memory) {
-    const std::size_t own = packed.place.size() * Packed::memory_size;
     const bool virgin = memory.empty();
-    for (std::size_t e = 0; e < packed.place.size(); ++e) {
-      for (int k = 0; k < Packed::memory_size; ++k) {
-        packed.memory[at(packed.place[e], k)] =
-            virgin ? T(0) : static_cast<T>(memory[e * Packed::memory_size + k]);
-      }
-    }
-    if (!virgin) memory = memory.subspan(own);
+    for_each_memory([&](std::size_t by_element, std::size_t by_lane) {
+      packed.memory[by_lane] = virgin ? T(0) : static_cast<T>(memory[by_element]);
+    });
+    if (!virgin) memory = memory.subspan(elements_ * Packed::memory_size);
   }
 
  private:
-  static std::size_t at(int place, int number) {
-    const std::size_t group = place / Packed::width, lane = place % Packed::width;
-    return (group * Packed::memory_size + number) * Packed::width + lane;
+  template <class Function>
+  void for_each_memory(Function&& function) const {
+    constexpr int size = Packed::memory_size, width = Packed::width;
+    for (std::size_t at = 0; at < packed.element_of.size(); ++at) {
+      const std::size_t group = at / width, lane = at % width, element = packed.element_of[at];
+      for (int k = 0; k < size; ++k) {
+        function(element * size + k, (group * size + k) * width + lane);
+      }
+    }
   }
 
   void lay_out_blocks(const Prepared<Effect, T>& elements, const ElementLayout& layout) {
@@ -110,7 +115,7 @@ struct CpuElements {
         for (int& v : element) v = layout.split->copy_of(block, v);
       }
       packed.append(members[block], copies, layout.split->range_of({block, block + 1}),
-                    elements.rest, layout.split->count());
+                    elements.rest);
     }
     block_colors_.push_back(static_cast<int>(packed.colors.size()));
   }
@@ -118,35 +123,34 @@ struct CpuElements {
   void lay_out_slots(const ElementLayout& layout) {
     constexpr int width = Packed::width, arity = Effect::arity;
     impulses.resize(packed.groups.size() * arity * width);
-    const auto for_each_slot_of_group = [this](auto&& function) {
-      for (std::size_t g = 0; g < packed.groups.size(); ++g) {
+    const auto for_each_impulse = [this](auto&& function) {
+      for (int at = 0; at < static_cast<int>(packed.element_of.size()); ++at) {
+        const int group = at / width, lane = at % width;
+        if (lane > 0 && packed.element_of[at] == packed.element_of[at - 1]) continue;  // a filler
         for (int i = 0; i < arity; ++i) {
-          for (int lane = 0; lane < width; ++lane) {
-            function(packed.groups[g].vertices[i][lane],
-                     static_cast<int>((g * arity + i) * width) + lane);
-          }
+          function(packed.groups[group].vertices[i][lane], (group * arity + i) * width + lane);
         }
       }
     };
-    slots_begin_.assign(layout.vertices + 2, 0);  // the spare vertex gathers what nobody reads
-    for_each_slot_of_group([this](int vertex, int) { ++slots_begin_[vertex + 1]; });
+    slots_begin_.assign(layout.vertices + 1, 0);
+    for_each_impulse([this](int vertex, int) { ++slots_begin_[vertex + 1]; });
     std::partial_sum(slots_begin_.begin(), slots_begin_.end(), slots_begin_.begin());
-    slots_.resize(impulses.size());
+    slots_.resize(slots_begin_.back());
     auto next = slots_begin_;
-    for_each_slot_of_group([&](int vertex, int slot) { slots_[next[vertex]++] = slot; });
+    for_each_impulse([&](int vertex, int slot) { slots_[next[vertex]++] = slot; });
   }
 
   std::vector<int> block_colors_;  // [blocks + 1], block Gauss-Seidel only
   std::vector<int> slots_, slots_begin_;
+  std::size_t elements_;
 };
 
 // The copies of the vertices that blocks work on.
 template <class T>
 class VertexCopies {
  public:
-  // With a spare vertex, whose mobility is 0.
   explicit VertexCopies(const SplitVertices& split)
-      : split_(split), u_(split.count() + 1), d_(split.count() + 1) {}
+      : split_(split), u_(split.count()), d_(split.count()) {}
 
   void take(Range copies, const std::vector<Row<T>>& u, const std::vector<Row<T>>& d) {
     for (int copy = copies.begin; copy < copies.end; ++copy) {

@@ -19,7 +19,7 @@ template <class T>
 inline constexpr int pack_width = Pack<T, 0>::width;
 
 // Elements in groups of W, none of which share a vertex: of one colour. The last group of a colour
-// is filled up with elements on the vertex `spare`, whose inverse mass is 0. Numbers are laid out
+// is filled up with its last element, whose lanes then all write the same. Numbers are laid out
 // lane by lane: each of a scalar Rest's W times.
 template <class Effect, class T>
 struct PackedElements {
@@ -34,15 +34,15 @@ struct PackedElements {
     int vertices[Effect::arity][width];
   };
   std::vector<Group> groups;
-  std::vector<Range> colors;   // in groups
-  std::vector<T> multipliers;  // [groups * rows * W], where a substep has several iterations
-  std::vector<T> memory;       // [groups * memory_size * W]
-  std::vector<int> place;      // [elements] group * W + lane
+  std::vector<Range> colors;    // in groups
+  std::vector<T> multipliers;   // [groups * rows * W], where a substep has several iterations
+  std::vector<T> memory;        // [groups * memory_size * W]
+  std::vector<int> element_of;  // [groups * W]
 
   // Appends the elements named, colour by colour. `vertices` are theirs, all in `range`; `rest` is
   // that of all elements.
   void append(std::span<const int> elements, const std::vector<Vertices>& vertices, Range range,
-              std::span<const Rest> rest, int spare) {
+              std::span<const Rest> rest) {
     auto local = vertices;
     for (auto& element : local) {
       for (int& v : element) v -= range.begin;
@@ -54,7 +54,7 @@ struct PackedElements {
       const int last = coloring.color_begin[color + 1];
       for (int at = coloring.color_begin[color]; at < last; at += width) {
         add_group(std::span(coloring.order).subspan(at, std::min(width, last - at)), elements,
-                  vertices, rest, spare);
+                  vertices, rest);
       }
       colors.push_back({first, static_cast<int>(groups.size())});
     }
@@ -62,7 +62,7 @@ struct PackedElements {
 
  private:
   void add_group(std::span<const int> lanes, std::span<const int> elements,
-                 const std::vector<Vertices>& vertices, std::span<const Rest> rest, int spare) {
+                 const std::vector<Vertices>& vertices, std::span<const Rest> rest) {
     Group& group = groups.emplace_back();
     for (int lane = 0; lane < width; ++lane) {
       const bool filler = lane >= static_cast<int>(lanes.size());
@@ -71,12 +71,9 @@ struct PackedElements {
       std::memcpy(values.data(), &rest[elements[at]], sizeof(Rest));
       for (std::size_t k = 0; k < numbers; ++k) group.rest[k][lane] = values[k];
       for (int i = 0; i < Effect::arity; ++i) {
-        group.vertices[i][lane] = filler ? spare : vertices[at][i];
+        group.vertices[i][lane] = vertices[at][i];
       }
-      if (filler) continue;
-      const std::size_t element = elements[at];
-      if (place.size() <= element) place.resize(element + 1, -1);
-      place[element] = static_cast<int>(groups.size() - 1) * width + lane;
+      element_of.push_back(elements[at]);
     }
   }
 };

@@ -108,7 +108,7 @@ __global__ void solve_color(int first, int last, const std::array<int, Effect::a
 // device, and the last kernel of a substep raises it.
 template <class T>
 __device__ Step<T> step_after(const unsigned long long* done, double dt) {
-  return {static_cast<T>(dt), static_cast<T>(static_cast<double>(*done + 1) * dt)};
+  return {static_cast<T>(dt), static_cast<double>(*done + 1) * dt};
 }
 
 template <class Effect, class T>
@@ -118,7 +118,7 @@ __global__ void move(int count, const int* vertices, typename Effect::template D
   const int k = global_thread();
   if (k >= count) return;
   const int i = vertices[k];
-  d[i] = Effect::target(device, rest[i], step_after<T>(done, dt).time) - u[i];
+  d[i] = Effect::target(device, rest[i], static_cast<T>(step_after<T>(done, dt).time)) - u[i];
 }
 
 template <class Effect, class T>
@@ -133,11 +133,15 @@ __global__ void push(int n, typename Effect::template Device<T> device, const T*
 }
 
 template <class Effect, class T>
-__global__ void rub(int n, typename Effect::template Device<T> device, const Vec3<T>* correction,
+__global__ void rub(int n, typename Effect::template Device<T> device, const T* w,
+                    const Vec3<T>* rest, const Vec3<T>* u, const Vec3<T>* correction,
                     const Vec3<T>* v, Vec3<T>* d, const unsigned long long* done, double dt) {
   const int i = global_thread();
-  if (i < n && touches(correction[i])) {
-    Effect::rub(device, step_after<T>(done, dt), correction[i], v[i], d[i]);
+  if (i >= n) return;
+  const Step<T> step = step_after<T>(done, dt);
+  if (touches(correction[i])) Effect::rub(device, step, correction[i], v[i], d[i]);
+  if constexpr (can_stop<Effect, T>) {
+    if (w[i] > T(0)) d[i] += Effect::stop(device, step, rest[i], u[i], d[i]);
   }
 }
 
@@ -155,6 +159,16 @@ struct OnDevice {  // force effects travel as kernel arguments
   typename Effect::template Device<T> device;
 
   OnDevice(const Prepared<Effect, T>& host, int) : device(host.device) {}
+};
+
+template <class Effect, class T>
+struct OnDevice<Effect, T, EffectKind::region> {  // refused before
+  OnDevice(const Prepared<Effect, T>&, int) {}
+};
+
+template <class Effect, class T>
+struct OnDevice<Effect, T, EffectKind::self_contact> {  // refused before
+  OnDevice(const Prepared<Effect, T>&, int) {}
 };
 
 template <class Effect, class T>
@@ -346,7 +360,8 @@ class XpbdCuda final : public Solver {
     });
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
       rub<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, effect.device, effect.correction.get(), v_.get(), d_.get(), done_.get(), dt_);
+          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), effect.correction.get(),
+          v_.get(), d_.get(), done_.get(), dt_);
     });
     end<T>
         <<<blocks(n_), block_size, 0, stream_>>>(n_, d_.get(), dt, u_.get(), v_.get(), done_.get());
@@ -393,10 +408,10 @@ std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
     throw Refusal(Refusal::Cause::device, "device", device.why_not, "a CUDA device and its driver",
                   "use device: cpu or auto");
   }
-  if (options.method != Method::xpbd || options.scheme != Scheme::gauss_seidel ||
-      options.iterations != 1) {
-    throw Refusal(Refusal::Cause::device, "device", "cuda with this solver",
-                  "xpbd by gauss_seidel with one iteration a substep", "use device: cpu");
+  if (const std::string lacks = what_cuda_lacks(scene, options); !lacks.empty()) {
+    throw Refusal(Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
+                  "xpbd by gauss_seidel with one iteration a substep, no region, no self-contact",
+                  "use device: cpu or auto");
   }
   if (options.precision == Precision::fp64) {
     return std::make_unique<XpbdCuda<double>>(model, scene, *device.name);

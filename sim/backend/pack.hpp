@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cmath>
-#include <cstring>
 #include <type_traits>
 
 #include "sim/math.hpp"
@@ -69,8 +68,9 @@ struct Turn {
   static void load(const Row<float>* rows, const int (&vertices)[8], F (&lanes)[4]) {
     F a[4];  // a[i] holds rows i and i + 4
     for (int i = 0; i < 4; ++i) {
-      std::memcpy(&a[i], &rows[vertices[i]], 16);
-      std::memcpy(reinterpret_cast<char*>(&a[i]) + 16, &rows[vertices[i + 4]], 16);
+      const RowF low = as<const RowF>(rows[vertices[i]]),
+                 high = as<const RowF>(rows[vertices[i + 4]]);
+      a[i] = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
     }
     turn(a, lanes);
   }
@@ -78,23 +78,30 @@ struct Turn {
     F a[4];
     turn(lanes, a);
     for (int i = 0; i < 4; ++i) {
-      std::memcpy(static_cast<void*>(&rows[vertices[i]]), &a[i], 16);
-      std::memcpy(static_cast<void*>(&rows[vertices[i + 4]]),
-                  reinterpret_cast<const char*>(&a[i]) + 16, 16);
+      as<RowF>(rows[vertices[i]]) = __builtin_shufflevector(a[i], a[i], 0, 1, 2, 3);
+      as<RowF>(rows[vertices[i + 4]]) = __builtin_shufflevector(a[i], a[i], 4, 5, 6, 7);
     }
   }
   static void load(const Row<double>* rows, const int (&vertices)[4], D (&lanes)[4]) {
     D a[4];
-    for (int i = 0; i < 4; ++i) std::memcpy(&a[i], &rows[vertices[i]], 32);
+    for (int i = 0; i < 4; ++i) a[i] = as<const RowD>(rows[vertices[i]]);
     turn(a, lanes);
   }
   static void store(const D (&lanes)[4], const int (&vertices)[4], Row<double>* rows) {
     D a[4];
     turn(lanes, a);
-    for (int i = 0; i < 4; ++i) std::memcpy(static_cast<void*>(&rows[vertices[i]]), &a[i], 32);
+    for (int i = 0; i < 4; ++i) as<RowD>(rows[vertices[i]]) = a[i];
   }
 
  private:
+  // One register each: memcpy would go through the stack in halves.
+  typedef float RowF __attribute__((vector_size(16), may_alias));
+  typedef double RowD __attribute__((vector_size(32), may_alias));
+  template <class V, class R>
+  static V& as(R& row) {
+    return reinterpret_cast<V&>(row);
+  }
+
   // The transpose of each half of four rows of eight, and of four rows of four: its own inverse.
   static void turn(const F (&a)[4], F (&b)[4]) {
     const F p = __builtin_shufflevector(a[0], a[1], 0, 8, 1, 9, 4, 12, 5, 13);

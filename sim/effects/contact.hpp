@@ -23,6 +23,24 @@ struct Roughness {
   T slowest;      // m/s, of an impact that rebounds
 };
 
+// The part of an obstacle's Params that says how rough it is.
+struct Finish {
+  double friction = 0.3;       // Coulomb coefficient
+  double restitution = 0.0;    // speed after an impact over speed before it
+  double rebound_speed = 0.1;  // m/s; slower impacts do not rebound
+
+  static constexpr auto fields() {
+    return std::tuple{
+        Field{"friction", "1", &Finish::friction, 0.0, 1e3, "Coulomb friction coefficient"},
+        Field{"restitution", "1", &Finish::restitution, 0.0, 1.0, "speed kept in an impact"},
+        Field{"rebound_speed", "m/s", &Finish::rebound_speed, 0.0, 1e3, "slowest that rebounds"}};
+  }
+  template <class T>
+  Roughness<T> roughness() const {
+    return {static_cast<T>(friction), static_cast<T>(restitution), static_cast<T>(rebound_speed)};
+  }
+};
+
 // Whether a correction by push is one.
 template <class T>
 SIM_HD bool touches(const Vec3<T>& correction) {

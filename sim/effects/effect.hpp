@@ -9,13 +9,15 @@
 //   static constexpr EffectKind kind;
 //   struct Params;                               SI values with their defaults
 //   static constexpr auto fields();              tuple of Field: how the scene writes the params
+//   static void check(params)                    optional: throws Refusal beyond the fields' ranges
 //
 // kind == element: a constraint C (rows values) on `arity` vertices with potential 1/2 k C^2, or,
 // with rows = 0, a force that is taken in full
 //   static constexpr int arity, rows;
 //   template <class T> struct Rest;              constant data of one element, numbers of type T
-//   static elements(model, params)               vertices of every element
-//   template <class T> static Rest<T> rest(model, element, params, dt)
+//   static elements(model, params)               vertices of every element: a vector of arrays,
+//                                                with whatever else rest() needs of them
+//   template <class T> static Rest<T> rest(model, elements, index, params, dt)
 //   template <class T> SIM_HD static void evaluate(rest, u, d, Evaluation<T, rows, arity>&)
 //       u[arity]: displacements at the start of the substep, d[arity]: displacements over it. T may
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
@@ -31,6 +33,11 @@
 //   static std::vector<int> vertices(model, params)
 //   template <class T> struct Device; static Device<T> device(model, params)
 //   template <class T> SIM_HD static Vec3<T> target(device, rest_position, time)   displacement, m
+// kind == region: sets of tets whose vertices are drawn towards their rest shape, freely moved
+//   static std::vector<int> regions(model, params)                 the region of each tet
+//   static double squared_frequency(shear, inertia)                from sum mu V and sum m r^2,
+//   1/s2
+// kind == self_contact: Params with a thickness and a friction (self_contact.hpp)
 // kind == contact: holds a vertex out of an obstacle
 //   template <class T> struct Device; static Device<T> device(model, params)
 //   template <class T> SIM_HD static Vec3<T> push(device, step, rest_position, u, d)
@@ -38,16 +45,21 @@
 //   template <class T> SIM_HD static void rub(device, step, correction, v, d)
 //       after them, where the correction is not 0: friction and restitution on d; v is the velocity
 //       at the start of the substep
+//   template <class T> SIM_HD static Vec3<T> stop(device, step, rest_position, u, d)
+//       optional, at the very end: the correction of d that keeps a vertex from passing through
 #pragma once
 
+#include <limits>
+#include <string>
 #include <tuple>
 
 #include "sim/math.hpp"
 #include "sim/model.hpp"
+#include "sim/refusal.hpp"
 
 namespace viscera::sim {
 
-enum class EffectKind { force, motion, element, contact };
+enum class EffectKind { force, motion, element, region, self_contact, contact };
 
 // Whether PBD can solve an effect: its constraints vanish at rest one by one.
 template <class Effect>
@@ -60,7 +72,14 @@ inline constexpr bool is_projectable = [] {
 template <class T>
 struct Step {
   T dt;
-  T time;  // at its end, from the start of the scene
+  double time;  // at its end, from the start of the scene
+};
+
+// Whether a contact effect has the last word on where a vertex may go.
+template <class Effect, class T>
+inline constexpr bool can_stop = requires(const typename Effect::template Device<T>& device,
+                                          const Step<T>& step, const Vec3<T>& a) {
+  Effect::stop(device, step, a, a, a);
 };
 
 // Numbers that an effect keeps of each element from one substep to the next.
@@ -91,8 +110,19 @@ struct Evaluation<T, 0, arity> {
   Vec3<T> preload[arity];  // N
 };
 
+// For constraints without reference multipliers, after their values.
+template <class T, int rows, int arity>
+SIM_HD void without_reference(Evaluation<T, rows, arity>& out) {
+  for (int row = 0; row < rows; ++row) out.remainder[row] = out.value[row];
+  for (int i = 0; i < arity; ++i) out.preload[i] = Vec3<T>{};
+}
+
+// The default of a parameter that a scene has to give.
+inline constexpr double required = std::numeric_limits<double>::quiet_NaN();
+
 // One parameter of an effect as a scene writes it. `member` points into the effect's Params; its
-// type is double or Vec3<double>. Closed range [lo, hi] in the SI unit named, of every component.
+// type is double, Vec3<double> or std::string. Closed range [lo, hi] in the SI unit named, of every
+// component.
 template <class Params, class Value>
 struct Field {
   const char* name;
@@ -102,8 +132,41 @@ struct Field {
   const char* doc;
 };
 
+// A parameter of type std::string: one of `choices`, "a|b|c", or empty; without choices any word.
+template <class Params>
+struct Field<Params, std::string> {
+  const char* name;
+  const char* choices;
+  std::string Params::*member;
+  const char* doc;
+};
+
 template <class Params, class Value>
 Field(const char*, const char*, Value Params::*, double, double, const char*)
     -> Field<Params, Value>;
+template <class Params>
+Field(const char*, const char*, std::string Params::*, const char*) -> Field<Params, std::string>;
+
+// A field of a part that Params derives from, as one of Params.
+template <class Params, class Part, class Value>
+constexpr Field<Params, Value> field_of(const Field<Part, Value>& f) {
+  return {f.name, f.unit, f.member, f.lo, f.hi, f.doc};
+}
+template <class Params, class Part>
+constexpr Field<Params, std::string> field_of(const Field<Part, std::string>& f) {
+  return {f.name, f.choices, f.member, f.doc};
+}
+template <class Params, class... Part>
+constexpr auto fields_of(const std::tuple<Part...>& part) {
+  return std::apply([](const auto&... f) { return std::tuple{field_of<Params>(f)...}; }, part);
+}
+
+// For an effect's check(): a vector that is to have a direction.
+inline void require_direction(const Vec3<double>& vector, const std::string& field,
+                              const std::string& example) {
+  if (norm(vector) > 0.0) return;
+  throw Refusal(Refusal::Cause::scene, field, "a vector of length 0",
+                "a direction, for example " + example);
+}
 
 }  // namespace viscera::sim

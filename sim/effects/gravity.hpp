@@ -20,6 +20,10 @@ struct Gravity {
         Field{"direction", "1", &Params::direction, -1e6, 1e6, "LPS direction, any length"}};
   }
 
+  static void check(const Params& params) {
+    require_direction(params.direction, "effects.gravity.direction", "[0, 0, -1]");
+  }
+
   template <class T>
   struct Device {
     Vec3<T> acceleration;

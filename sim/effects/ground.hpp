@@ -13,20 +13,19 @@ struct Ground {
   static constexpr const char* doc = "plane below the body, with Coulomb friction";
   static constexpr EffectKind kind = EffectKind::contact;
 
-  struct Params {
+  struct Params : Finish {
     double clearance = 0.02;                // m between the plane and the body's nearest vertex
-    double friction = 0.3;                  // Coulomb coefficient
-    double restitution = 0.0;               // speed after an impact over speed before it
-    double rebound_speed = 0.1;             // m/s; slower impacts do not rebound
     Vec3<double> normal = {0.0, 0.0, 1.0};  // LPS; need not have unit length
   };
   static constexpr auto fields() {
-    return std::tuple{
-        Field{"clearance", "m", &Params::clearance, 0.0, 1e3, "gap below the body at the start"},
-        Field{"friction", "1", &Params::friction, 0.0, 1e3, "Coulomb friction coefficient"},
-        Field{"restitution", "1", &Params::restitution, 0.0, 1.0, "speed kept in an impact"},
-        Field{"rebound_speed", "m/s", &Params::rebound_speed, 0.0, 1e3, "slowest that rebounds"},
-        Field{"normal", "1", &Params::normal, -1e6, 1e6, "LPS, pointing to the body; any length"}};
+    return std::tuple_cat(std::tuple{Field{"clearance", "m", &Params::clearance, 0.0, 1e3,
+                                           "gap below the body at the start"}},
+                          fields_of<Params>(Finish::fields()),
+                          std::tuple{Field{"normal", "1", &Params::normal, -1e6, 1e6,
+                                           "LPS, pointing to the body; any length"}});
+  }
+  static void check(const Params& params) {
+    require_direction(params.normal, "effects.ground.normal", "[0, 0, 1]");
   }
 
   template <class T>
@@ -41,10 +40,7 @@ struct Ground {
     const Vec3<double> n = (1.0 / norm(params.normal)) * params.normal;
     double lowest = std::numeric_limits<double>::infinity();
     for (const auto& x : model.rest) lowest = std::min(lowest, dot(n, x));
-    return {cast<T>(n),
-            static_cast<T>(lowest - params.clearance),
-            {static_cast<T>(params.friction), static_cast<T>(params.restitution),
-             static_cast<T>(params.rebound_speed)}};
+    return {cast<T>(n), static_cast<T>(lowest - params.clearance), params.roughness<T>()};
   }
 
   template <class T>

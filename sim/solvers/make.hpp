@@ -16,6 +16,9 @@ namespace viscera::sim {
 std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
                                     const SolverOptions& options);
 
+// What a scene or its options ask for that CUDA does not run; empty when it runs all.
+std::string what_cuda_lacks(const Scene& scene, const SolverOptions& options);
+
 // Throws Refusal(device) when there is no usable device, its memory does not suffice, or it is
 // lost; Refusal(scene) as above.
 std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,

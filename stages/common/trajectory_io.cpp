@@ -1,7 +1,6 @@
 #include "stages/common/trajectory_io.hpp"
 
 #include <fmt/format.h>
-#include <hdf5.h>
 
 #include <algorithm>
 #include <cmath>
@@ -11,74 +10,15 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
+#include "stages/common/hdf5_file.hpp"
 
 namespace viscera {
-namespace {
-
 namespace fs = std::filesystem;
+using namespace hdf5;
+namespace {
 
 constexpr const char* h5_name = "trajectory.h5";
 constexpr unsigned deflate_level = 4;
-
-// Owns one HDF5 identifier.
-class Handle {
- public:
-  using Close = herr_t (*)(hid_t);
-  Handle(hid_t id, Close close) : id_(id), close_(close) {}
-  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-  Handle& operator=(Handle&&) = delete;
-  ~Handle() { reset(); }
-
-  bool valid() const { return id_ >= 0; }
-  hid_t id() const { return id_; }
-  bool reset() { return id_ < 0 || close_(std::exchange(id_, -1)) >= 0; }
-
- private:
-  hid_t id_;
-  Close close_;
-};
-
-// Our errors say what HDF5's error stack says, so its own printing is off while one of our
-// functions runs.
-class QuietHdf5 {
- public:
-  QuietHdf5() {
-    H5Eget_auto2(H5E_DEFAULT, &print_, &data_);
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-  }
-  ~QuietHdf5() { H5Eset_auto2(H5E_DEFAULT, print_, data_); }
-  QuietHdf5(const QuietHdf5&) = delete;
-  QuietHdf5& operator=(const QuietHdf5&) = delete;
-
- private:
-  H5E_auto2_t print_ = nullptr;
-  void* data_ = nullptr;
-};
-
-Error write_error(const fs::path& path, const std::string& what) {
-  return Error(ExitCode::usage, {.where = path.string(),
-                                 .field = what,
-                                 .found = "cannot be written",
-                                 .remedy = "check the folder's permissions and free space"});
-}
-
-Error read_error(const fs::path& path, const std::string& field, const std::string& found,
-                 const std::string& allowed) {
-  return Error(ExitCode::bad_input, {.where = path.string(),
-                                     .field = field,
-                                     .found = found,
-                                     .allowed = allowed,
-                                     .remedy = "write the trajectory again with viscera-simulate"});
-}
-
-// File locks are advisory and absent on some network file systems: go on without them there.
-Handle file_access() {
-  Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  H5Pset_file_locking(access.id(), true, true);
-  return access;
-}
 
 Handle string_type(std::size_t size) {
   Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
@@ -86,27 +26,6 @@ Handle string_type(std::size_t size) {
   H5Tset_strpad(type.id(), H5T_STR_NULLPAD);
   H5Tset_cset(type.id(), H5T_CSET_UTF8);
   return type;
-}
-
-Handle untimed_dataset() {
-  Handle creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-  H5Pset_obj_track_times(creation.id(), false);
-  return creation;
-}
-
-void write_dataset(const Handle& file, const fs::path& path, const char* name, hid_t stored,
-                   hid_t memory, std::initializer_list<hsize_t> shape, const void* data) {
-  const Handle space(H5Screate_simple(static_cast<int>(shape.size()), shape.begin(), nullptr),
-                     H5Sclose);
-  const Handle creation = untimed_dataset();
-  const Handle dataset(
-      H5Dcreate2(file.id(), name, stored, space.id(), H5P_DEFAULT, creation.id(), H5P_DEFAULT),
-      H5Dclose);
-  const bool empty = std::find(shape.begin(), shape.end(), 0) != shape.end();
-  if (!dataset.valid() ||
-      (!empty && H5Dwrite(dataset.id(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) < 0)) {
-    throw write_error(path, name);
-  }
 }
 
 // A dataset that grows by one chunk per frame.
@@ -219,11 +138,7 @@ TrajectoryWriter::TrajectoryWriter(const fs::path& folder, const TetMesh& mesh) 
                                       mesh.tets.size(), mesh.labels.size()),
                  .allowed = "at least one point, and one label a tet"});
   }
-  const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
-  H5Pset_obj_track_times(creation.id(), false);
-  const Handle access = file_access();
-  Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation.id(), access.id()), H5Fclose);
-  if (!file.valid()) throw write_error(path, "file");
+  Handle file = create_hdf5(path);
 
   const hsize_t n = mesh.points.size(), m = mesh.tets.size(), k = mesh.label_names.size();
   std::vector<std::int32_t> ids;
@@ -297,52 +212,6 @@ struct TrajectoryReader::File {
 
 namespace {
 
-struct Dataset {
-  Handle set;
-  std::vector<hsize_t> shape;
-};
-
-std::string shown(const std::vector<hsize_t>& shape) {
-  std::string text;
-  for (const hsize_t n : shape) text += fmt::format("[{}]", n);
-  return text;
-}
-
-// Opens a dataset and checks its class and shape; 0 in `expected` stands for any extent.
-Dataset open_dataset(const Handle& file, const fs::path& path, const char* name, H5T_class_t kind,
-                     const std::vector<hsize_t>& expected) {
-  Handle set(H5Dopen2(file.id(), name, H5P_DEFAULT), H5Dclose);
-  if (!set.valid()) throw read_error(path, name, "missing", "the datasets of a trajectory");
-  const Handle type(H5Dget_type(set.id()), H5Tclose);
-  const Handle space(H5Dget_space(set.id()), H5Sclose);
-  std::vector<hsize_t> shape(
-      static_cast<std::size_t>(std::max(0, H5Sget_simple_extent_ndims(space.id()))));
-  H5Sget_simple_extent_dims(space.id(), shape.data(), nullptr);
-  bool fits = H5Tget_class(type.id()) == kind && shape.size() == expected.size();
-  for (std::size_t i = 0; fits && i < shape.size(); ++i) {
-    fits = expected[i] == 0 || shape[i] == expected[i];
-  }
-  if (!fits) {
-    const char* wanted = kind == H5T_INTEGER ? "integers" : kind == H5T_FLOAT ? "reals" : "texts";
-    throw read_error(path, name, "shape " + shown(shape) + " or another type",
-                     fmt::format("{} of shape {} (0: any)", wanted, shown(expected)));
-  }
-  return {std::move(set), std::move(shape)};
-}
-
-template <class T>
-std::vector<T> read_values(const Dataset& dataset, const fs::path& path, const char* name,
-                           hid_t memory) {
-  std::size_t count = 1;
-  for (const hsize_t n : dataset.shape) count *= n;
-  std::vector<T> values(count);
-  if (count > 0 &&
-      H5Dread(dataset.set.id(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
-    throw read_error(path, name, "unreadable (truncated or damaged)", "a whole file");
-  }
-  return values;
-}
-
 std::map<int, std::string> read_label_names(const Handle& file, const fs::path& path) {
   const auto id_set = open_dataset(file, path, "/label_ids", H5T_INTEGER, {0});
   const auto ids = read_values<int>(id_set, path, "/label_ids", H5T_NATIVE_INT);
@@ -394,12 +263,7 @@ TetMesh read_mesh(const Handle& file, const fs::path& path) {
 
 TrajectoryReader::TrajectoryReader(const fs::path& path) {
   const QuietHdf5 quiet;
-  const Handle access = file_access();
-  Handle file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access.id()), H5Fclose);
-  if (!file.valid()) {
-    throw read_error(path, "file", "cannot be opened as HDF5 (absent, truncated or foreign)",
-                     "a trajectory.h5");
-  }
+  Handle file = open_hdf5(path);
   TetMesh mesh = read_mesh(file, path);
   const auto time_set = open_dataset(file, path, "/times", H5T_FLOAT, {0});
   auto times = read_values<double>(time_set, path, "/times", H5T_NATIVE_DOUBLE);

@@ -29,18 +29,20 @@ Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scen
   const double size = model.size(), frame_s = scene.time.frame_s;
   const int last_frame = static_cast<int>(std::ceil(scene.time.end_s / frame_s - 1e-9));
   double most_elastic = -1.0, still_since = -1.0;
-  for (int index = 0; index <= last_frame; ++index) {
+  const int first_frame = static_cast<int>(solver.state().step / scene.time.substeps);
+  for (int index = first_frame; index <= last_frame; ++index) {
     const auto begin = Clock::now();
     try {
-      if (index > 0) solver.advance_frame();
+      if (index > first_frame) solver.advance_frame();
     } catch (const sim::Diverged& diverged) {
       outcome.divergence = diverged.what();
-      return outcome;
+      break;
     }
     const double ms = 1e3 * std::chrono::duration<double>(Clock::now() - begin).count();
 
     sim::State state = solver.state();
-    Frame frame{.index = index, .time_s = index * frame_s, .step_ms = index > 0 ? ms : 0.0};
+    Frame frame{
+        .index = index, .time_s = index * frame_s, .step_ms = index > first_frame ? ms : 0.0};
     frame.now = diagnose(model, scene, state);
     outcome.divergence = why_diverged(state, frame.now, size);
     if (!outcome.divergence.empty()) return outcome;
@@ -49,7 +51,7 @@ Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scen
     keep(frame, state);
 
     if (frame.contacts > 0 && outcome.contact_time_s < 0.0) outcome.contact_time_s = frame.time_s;
-    const bool still = index > 0 && frame.now.max_speed < scene.rest.speed;
+    const bool still = index > first_frame && frame.now.max_speed < scene.rest.speed;
     if (!still) still_since = -1.0;
     if (still && still_since < 0.0) still_since = frame.time_s;
     if (frame.now.elastic > most_elastic) {
@@ -63,8 +65,9 @@ Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scen
     log::progress("simulating", outcome.rested ? 1.0 : frame.time_s / scene.time.end_s,
                   fmt::format("t {:.2f} s, speed {:.1f} mm/s, {:.1f} ms a frame", frame.time_s,
                               1e3 * frame.now.max_speed, frame.step_ms));
-    if (outcome.rested) return outcome;
+    if (outcome.rested) break;
   }
+  outcome.seconds = solver.seconds();
   return outcome;
 }
 

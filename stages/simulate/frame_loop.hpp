@@ -20,13 +20,14 @@ struct Frame {
 };
 
 struct Outcome {
-  std::vector<Frame> frames;  // frame 0 is the start
+  std::vector<Frame> frames;  // the first is the start
   bool rested = false;
   double contact_time_s = -1.0;  // first contact; negative: none
   double rest_time_s = -1.0;     // when the body came to rest; negative: it did not
   std::string divergence;        // empty: none
-  sim::State last;               // the last good state
-  sim::State most_deformed;      // where the elastic energy was greatest
+  std::vector<std::pair<std::string, double>> seconds;  // of the solver, by effect
+  sim::State last;                                      // the last good state
+  sim::State most_deformed;                             // where the elastic energy was greatest
 };
 
 // `keep` is called for every good frame, the first included.

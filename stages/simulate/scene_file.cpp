@@ -4,20 +4,23 @@
 
 #include <algorithm>
 #include <array>
+#include <sstream>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/yaml_file.hpp"
+#include "stages/common/material_params.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
 namespace {
 
 const std::vector<Param>& material_params() {
-  static const std::vector<Param> params = {
-      quantity("E", nullptr, "Pa", 1e-3, 1e13, "Young's modulus"),
-      quantity("nu", nullptr, "1", -0.99, 0.499999, "Poisson's ratio"),
-      quantity("density", nullptr, "kg/m3", 1e-3, 1e5, "mass per volume"),
-      quantity("damping", "0 s", "s", 0.0, 1e4, "relaxation time of a Kelvin-Voigt solid")};
+  static const std::vector<Param> params = [] {
+    auto list = elastic_params();
+    list.push_back(
+        quantity("damping", "0 s", "s", 0.0, 1e4, "relaxation time of a Kelvin-Voigt solid"));
+    return list;
+  }();
   return params;
 }
 
@@ -174,22 +177,45 @@ class SceneReader {
 
   template <class Params>
   static Param declare(const sim::Field<Params, double>& field, const Params& defaults) {
-    const double fallback = defaults.*field.member;
-    const std::string unit = field.unit;
-    return quantity(field.name, fmt::format("{}{}", fallback, unit == "1" ? "" : " " + unit),
-                    field.unit, field.lo, field.hi, field.doc);
+    return quantity(field.name, fallback(defaults.*field.member, field.unit), field.unit, field.lo,
+                    field.hi, field.doc);
   }
   template <class Params>
   static Param declare(const sim::Field<Params, sim::Vec3<double>>& field, const Params& defaults) {
     const auto& v = defaults.*field.member;
+    Json list = Json::array(
+        {fallback(v.x, field.unit), fallback(v.y, field.unit), fallback(v.z, field.unit)});
     return {.name = field.name,
             .type = ParamType::list,
-            .fallback = Json::array({v.x, v.y, v.z}),
+            .fallback = list[0].is_null() ? Json(nullptr) : std::move(list),
+            .unit = field.unit,
             .doc = field.doc};
+  }
+  // As a scene would write it; null for what it has to give.
+  static Json fallback(double value, const std::string& unit) {
+    if (std::isnan(value)) return nullptr;
+    return unit == "1" ? Json(value) : Json(fmt::format("{} {}", value, unit));
+  }
+
+  template <class Params>
+  static Param declare(const sim::Field<Params, std::string>& field, const Params& defaults) {
+    Param param{.name = field.name,
+                .type = ParamType::text,
+                .fallback = defaults.*field.member,
+                .doc = field.doc};
+    std::istringstream choices(field.choices);
+    for (std::string choice; std::getline(choices, choice, '|');) param.choices.push_back(choice);
+    if (!param.choices.empty()) param.choices.emplace_back();
+    return param;
   }
 
   template <class Params>
   void assign(const sim::Field<Params, double>& field, const Json& value, Params& params,
+              const std::string&) const {
+    params.*field.member = value;
+  }
+  template <class Params>
+  void assign(const sim::Field<Params, std::string>& field, const Json& value, Params& params,
               const std::string&) const {
     params.*field.member = value;
   }
@@ -268,8 +294,8 @@ class SceneReader {
   SceneFile file_;
 };
 
-template <class Params>
-Json field_json(const sim::Field<Params, double>& field, const Params& params) {
+template <class Params, class Value>
+Json field_json(const sim::Field<Params, Value>& field, const Params& params) {
   return params.*field.member;
 }
 template <class Params>

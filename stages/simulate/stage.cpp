@@ -11,13 +11,15 @@
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
 #include "sim/refusal.hpp"
-#include "sim/solvers/make.hpp"
 #include "sim/stability.hpp"
+#include "sim/start.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
 #include "stages/simulate/body.hpp"
+#include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/frame_loop.hpp"
 #include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/solver_choice.hpp"
 
 namespace viscera {
 namespace {
@@ -95,29 +97,6 @@ SceneFile scene_of(const StageRun& run) {
   return file;
 }
 
-std::unique_ptr<sim::Solver> solver_of(StageRun& run, const sim::Model& model,
-                                       const sim::Scene& scene) {
-  sim::SolverOptions options;
-  if (run.param<std::string>("precision") == "fp64") options.precision = sim::Precision::fp64;
-  options.threads = run.param<int>("threads");
-  const auto on_cpu = [&] { return sim::make_on_cpu(model, scene, options); };
-  const std::string device = run.param<std::string>("device");
-  if (device == "cpu") return on_cpu();
-  if (device == "cuda") return sim::make_on_cuda(model, scene, options);
-  const auto cuda = sim::find_cuda_device();
-  if (!cuda.name) {
-    log::info("no CUDA device ({}): running on the CPU", cuda.why_not);
-    return on_cpu();
-  }
-  try {
-    return sim::make_on_cuda(model, scene, options);
-  } catch (const sim::Refusal& refusal) {
-    log::warn("{} cannot be used ({}): running on the CPU", *cuda.name, refusal.found);
-    run.set_uncacheable("device: auto fell back to the CPU although there is a CUDA device");
-    return on_cpu();
-  }
-}
-
 // metrics.csv: one row a frame, every column with its unit; no times of the machine, so that equal
 // runs give equal files.
 class MetricsFile {
@@ -160,13 +139,13 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
   run.metric("stability_Cs_tet", stability.cs_tet);
   run.metric("stability_kappa_max", stability.kappa_max);
   run.metric("altitude_min", m_to_mm * stability.altitude_min, "mm");
+  const sim::StabilityLimit& limit = stability.limit;
   if (scene.time.substeps != asked_substeps) {
-    log::warn("substeps raised from {} to {} a frame, so that Cs is {:.2f} (limit {:.1f})",
-              asked_substeps, scene.time.substeps, stability.cs_max, sim::cs_limit);
-  } else if (stability.cs_max > sim::cs_limit) {
-    log::warn(
-        "Cs is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
-        stability.cs_max, stability.cs_tet, sim::cs_limit, stability.substeps_needed);
+    log::warn("substeps raised from {} to {} a frame, so that {} is {:.2f} (limit {:.1f})",
+              asked_substeps, scene.time.substeps, limit.name, limit.value, limit.at_most);
+  } else if (limit.value > limit.at_most) {
+    log::warn("{} is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
+              limit.name, limit.value, limit.tet, limit.at_most, stability.substeps_needed);
   }
   log::info("Cs {:.3f}, kappa {:.3f}, {} substeps of {:.3g} ms", stability.cs_max,
             stability.kappa_max, scene.time.substeps, 1e3 * scene.time.substep_s());
@@ -218,6 +197,9 @@ void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& fil
              smoothness(model, {std::vector<sim::Vec3<double>>(model.vertex_count()), {}}));
   run.metric("smoothness_max_deformation", smoothness(model, outcome.most_deformed));
   run.machine_metric("frame_ms_median", quantile(step_ms, 0.5), "ms");
+  for (const auto& [part, seconds] : outcome.seconds) {
+    run.machine_metric("seconds_" + part, seconds, "s");
+  }
   run.machine_metric("frame_ms_p99", quantile(step_ms, 0.99), "ms");
   run.metric("state_hash_end", fmt::format("{:016x}", last.state_hash));
 }
@@ -259,15 +241,21 @@ void simulate(StageRun& run) {
   const TetMesh mesh = read_vtu(run.input("mesh"));
   const sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
   const int asked_substeps = file.scene.time.substeps;
-  const sim::Stability stability = apply_policy(model, file.scene);
+  const sim::Stability stability = apply_policy(model, file.scene, solver_options(run).method);
   report_stability(run, stability, file.scene, asked_substeps);
   report_viscosity(run, model, file.scene);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
 
-  const auto solver = solver_of(run, model, file.scene);
+  const auto solver = choose_solver(run, model, file.scene);
   run.set_device(solver->device());
   log::info("{} tets, {} vertices on {}; effects: {}", model.tet_count(), model.vertex_count(),
             solver->device(), fmt::join(effects_on(file.scene), ", "));
+  if (run.has_input("checkpoint")) {
+    const sim::State start =
+        read_checkpoint(run.input("checkpoint"), model.vertex_count(), file.scene.time);
+    check_start(model, start);
+    solver->set_state(start);
+  }
   TrajectoryWriter trajectory(run.out(""), mesh);
   MetricsFile metrics(run.out("metrics.csv"));
   const Outcome outcome =
@@ -276,6 +264,7 @@ void simulate(StageRun& run) {
         metrics.add(frame);
       });
   trajectory.finish();
+  write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s());
   metrics.close(run.out("metrics.csv"));
   report_outcome(run, model, file, outcome);
   if (!outcome.divergence.empty()) {
@@ -287,45 +276,41 @@ void simulate(StageRun& run) {
   }
 }
 
+std::vector<Param> params() {
+  std::vector<Param> all = solver_params();
+  all.push_back({.name = "substeps",
+                 .type = ParamType::integer,
+                 .fallback = nullptr,
+                 .lo = 1.0,
+                 .hi = 1e6,
+                 .doc = "in place of the scene's time.substeps"});
+  all.push_back(quantity("end", nullptr, "s", 1e-6, 1e5, "in place of the scene's time.end"));
+  return all;
+}
+
 }  // namespace
 
 const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "1",
-           .doc = "Extended position based dynamics of a tetrahedral mesh",
+           .version = "2",
+           .doc =
+               "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},
-                      {.role = "scene", .doc = "scene.yaml: materials, effects, time"}},
+                      {.role = "scene", .doc = "scene.yaml: materials, effects, time"},
+                      {.role = "checkpoint",
+                       .required = false,
+                       .doc = "checkpoint.h5 of a run of this mesh and scene, to go on from"}},
            .outputs = {{.file = "trajectory.h5", .role = "trajectory", .doc = "positions by frame"},
                        {.file = "trajectory.xdmf", .doc = "opens trajectory.h5 in ParaView"},
                        {.file = "metrics.csv", .doc = "energies, volume, speed, contacts by frame"},
+                       {.file = "checkpoint.h5",
+                        .role = "checkpoint",
+                        .doc = "the last good state, to go on from"},
                        {.file = "scene.json",
                         .doc = "the scene as it ran, SI, defaults spelled out"}},
-           .params = {{.name = "device",
-                       .type = ParamType::text,
-                       .fallback = "auto",
-                       .choices = {"auto", "cpu", "cuda"},
-                       .doc = "auto: CUDA when there is a device, else the CPU"},
-                      {.name = "precision",
-                       .type = ParamType::text,
-                       .fallback = "fp32",
-                       .choices = {"fp32", "fp64"},
-                       .doc = "of the state and the solver; diagnostics are always fp64"},
-                      {.name = "substeps",
-                       .type = ParamType::integer,
-                       .fallback = nullptr,
-                       .lo = 1.0,
-                       .hi = 1e6,
-                       .doc = "in place of the scene's time.substeps"},
-                      quantity("end", nullptr, "s", 1e-6, 1e5, "in place of the scene's time.end"),
-                      {.name = "threads",
-                       .type = ParamType::integer,
-                       .fallback = 0,
-                       .lo = 0.0,
-                       .hi = 1024.0,
-                       .doc = "CPU threads, 0 for all; results do not depend on it",
-                       .in_key = false}},
+           .params = params(),
            .libraries = {{"HDF5", hdf5_version()}, {"VTK", vtk_version()}},
            .probes = {"/proc/driver/nvidia/version", "env:CUDA_VISIBLE_DEVICES"}},
       .run = [](StageRun& run) { translated(run, [&run] { simulate(run); }); },

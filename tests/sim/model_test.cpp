@@ -100,6 +100,31 @@ TEST(Stability, CsAndKappaMatchTheirDefinitionOnOneTet) {
               std::sqrt((constants.lambda + 2.0 * constants.mu) / 1060.0) / (600.0 * h), 1e-9);
 }
 
+TEST(Stability, ExplicitDynamicsStaysBoundedAtItsCourantLimitAndNotAtTwiceIt) {
+  Material material = soft_tissue;
+  material.poisson_ratio = 0.3;
+  const Model model = make_cube(3, material);
+  for (const double times : {1.0, 2.0}) {
+    Scene scene = elastic_scene();
+    scene.time.substeps = 1;
+    scene.time.frame_s *= times * courant_limit / assess(model, scene.time).courant_max;
+    const auto solver =
+        make_on_cpu(model, scene, {.method = Method::tled, .precision = Precision::fp64});
+    State state;
+    std::mt19937 generator(4);
+    for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+      state.u.push_back(random_vector(generator, 1e-6));
+      state.v.emplace_back();
+    }
+    solver->set_state(state);
+    for (int frame = 0; frame < 2000; ++frame) solver->advance_frame();
+    const State end = solver->state();
+    double largest = 0.0;
+    for (const auto& u : end.u) largest = std::max(largest, norm(u));
+    EXPECT_EQ(end.finite() && largest < 1e-5, times == 1.0) << largest;
+  }
+}
+
 TEST(Stability, ThePolicyRefusesWarnsOrRaisesTheSubsteps) {
   Material stiff = soft_tissue;
   stiff.youngs_modulus = 1e6;
@@ -118,6 +143,12 @@ TEST(Stability, ThePolicyRefusesWarnsOrRaisesTheSubsteps) {
   scene.stability = StabilityPolicy::substeps;
   EXPECT_LE(apply_policy(model, scene).cs_max, cs_limit);
   EXPECT_GT(scene.time.substeps, 4);
+  const int for_xpbd = scene.time.substeps;
+  EXPECT_LE(apply_policy(model, scene, Method::tled).courant_max, courant_limit);
+  EXPECT_GT(scene.time.substeps, for_xpbd);
+  scene.time.substeps = 4;
+  apply_policy(model, scene, Method::fem);
+  EXPECT_EQ(scene.time.substeps, 4);
 }
 
 }  // namespace

@@ -84,6 +84,13 @@ inline Scene drop_scene() {
   return scene;
 }
 
+// The body's vertices without elasticity: each on its own.
+inline Scene particle_scene() {
+  Scene scene;
+  scene.params<Gravity>().emplace_back();
+  return scene;
+}
+
 inline double random_in(std::mt19937& generator, double lo, double hi) {
   return lo + (hi - lo) * (static_cast<double>(generator()) / 4294967296.0);
 }

@@ -166,12 +166,52 @@ TEST_F(Simulate, ABodyThatIsNotAtRestInTimeFailsTheGateOnItsRestTime) {
 TEST_F(Simulate, DivergenceStopsAtTheLastGoodFrameAndSaysWhere) {
   auto scene = with(drop_scene, "E: 5 kPa", "E: 500 MPa");
   scene = with(scene, "substeps: 32", "substeps: 1") + "stability: warn\n";
-  EXPECT_EQ(run(scene), 7) << errors;
+  EXPECT_EQ(run(scene, {"--set", "solver=tled"}), 7) << errors;
   EXPECT_NE(errors.find("diverged after frame"), std::string::npos) << errors;
   EXPECT_NE(errors.find("tets with the smallest J"), std::string::npos) << errors;
   EXPECT_EQ(manifest().exit, ExitCode::diverged);
   const TrajectoryReader reader(path("out") / "trajectory.h5");
   EXPECT_GE(reader.times_s().size(), 1u);
+}
+
+TEST_F(Simulate, ARunGoesOnFromItsCheckpointToTheSameBits) {
+  const auto restless = with(drop_scene, "speed: 5 mm/s", "speed: 0 m/s");
+  ASSERT_EQ(run(restless, {"--set", "end=0.4s"}, "whole"), 0) << errors;
+  ASSERT_EQ(run(restless, {"--set", "end=0.2s"}, "half"), 0) << errors;
+  const std::string from = "checkpoint=" + path("half/checkpoint.h5").string();
+  ASSERT_EQ(run(restless, {"--set", "end=0.4s", "--in", from}), 0) << errors;
+  EXPECT_TRUE(read_file(path("whole/checkpoint.h5")) == read_file(path("out/checkpoint.h5")));
+  const auto times = TrajectoryReader(path("out") / "trajectory.h5").times_s();
+  EXPECT_NEAR(times.front(), 0.2, 1e-9);
+  EXPECT_NEAR(times.back(), 0.4, 1e-9);
+}
+
+TEST_F(Simulate, ACheckpointOfAnotherTimeGridOrMeshOrNoneIsRefused) {
+  ASSERT_EQ(run(drop_scene, {"--set", "end=0.2s"}, "half"), 0) << errors;
+  const std::string from = "checkpoint=" + path("half/checkpoint.h5").string();
+  EXPECT_EQ(run(drop_scene, {"--set", "substeps=64", "--in", from}), 4);
+  EXPECT_NE(errors.find("/substep"), std::string::npos) << errors;
+  EXPECT_EQ(run(drop_scene, {"--set", "end=0.1s", "--in", from}), 4);
+  EXPECT_NE(errors.find("/step"), std::string::npos) << errors;
+  EXPECT_EQ(run(drop_scene, {"--in", "checkpoint=" + path("mesh.vtu").string()}), 4);
+  EXPECT_NE(errors.find("HDF5"), std::string::npos) << errors;
+}
+
+TEST_F(Simulate, EverySolverIsAParameterAndAWrongOneIsRefused) {
+  for (const std::vector<std::string>& choice :
+       {std::vector<std::string>{"--set", "scheme=block_gauss_seidel"},
+        {"--set", "scheme=jacobi", "--set", "split=2"},
+        {"--set", "iterations=2"},
+        {"--set", "solver=tled", "--set", "substeps=256"}}) {
+    auto words = choice;
+    words.insert(words.end(), {"--set", "end=0.05s"});
+    EXPECT_EQ(run(with(drop_scene, "inverted_max: {max: 0}", "min_J: {min: 0}"), words), 0)
+        << errors;
+  }
+  EXPECT_EQ(run(drop_scene, {"--set", "solver=pbd"}), 3);
+  EXPECT_NE(errors.find("effects.neo_hookean"), std::string::npos) << errors;
+  EXPECT_EQ(run(drop_scene, {"--set", "solver=magic"}), 3);
+  EXPECT_NE(errors.find("xpbd"), std::string::npos) << errors;
 }
 
 TEST_F(Simulate, TheStabilityPolicyRefusesOrRaisesTheSubsteps) {

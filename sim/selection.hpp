@@ -1,0 +1,50 @@
+// Which vertices an effect acts on, as a scene says it. Every criterion that is given must hold;
+// at least one has to be. SI units; boxes are in patient coordinates (LPS: +x left, +y posterior,
+// +z superior), from which Model::origin was subtracted.
+#pragma once
+
+#include "sim/effects/effect.hpp"
+#include "sim/surface.hpp"
+
+namespace viscera::sim {
+
+struct Selection {
+  std::string side;             // of the body's bounding box, no farther than `within` from it
+  std::string label;            // the vertices of this label
+  std::string near;             // those of other labels, no farther than `within` from this label
+  double within = 1e-3;         // m
+  Vec3<double> box_lo, box_hi;  // m; equal: no box
+
+  static constexpr auto fields() {
+    return std::tuple{
+        Field{"side", "left|right|anterior|posterior|superior|inferior", &Selection::side,
+              "vertices at this side of the body's bounding box"},
+        Field{"label", "", &Selection::label, "vertices of this label"},
+        Field{"near", "", &Selection::near, "vertices of other labels near this label"},
+        Field{"within", "m", &Selection::within, 0.0, 1e3, "of the side, or of the label nearby"},
+        Field{"box_lo", "m", &Selection::box_lo, -1e6, 1e6, "box in patient coordinates: least"},
+        Field{"box_hi", "m", &Selection::box_hi, -1e6, 1e6, "and greatest x, y, z"}};
+  }
+};
+
+// The vertices selected, in ascending order. `effect` is named by a Refusal: of a side or label
+// that there is not, of no criterion at all, of a selection that selects nothing.
+std::vector<int> select_vertices(const Model& model, const Selection& selection,
+                                 const char* effect);
+
+// The triangles of the body's surface with all three vertices selected; refused if there is none.
+std::vector<Triangle> select_faces(const Model& model, const Selection& selection,
+                                   const char* effect);
+
+// Tets of a model with their numbers.
+struct TetSubset : std::vector<Tet> {
+  std::vector<std::size_t> index;
+};
+
+// The tets of a label, or all where `label` is empty.
+TetSubset tets_of(const Model& model, const std::string& label, const std::string& field);
+
+// The index into Model::materials of the label called so; refused if there is none.
+int find_label(const Model& model, const std::string& name, const std::string& field);
+
+}  // namespace viscera::sim

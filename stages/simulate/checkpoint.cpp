@@ -1,0 +1,73 @@
+#include "stages/simulate/checkpoint.hpp"
+
+#include <fmt/format.h>
+
+#include <cstring>
+
+#include "stages/common/hdf5_file.hpp"
+
+namespace viscera {
+namespace fs = std::filesystem;
+using namespace hdf5;
+namespace {
+
+void write_reals(const Handle& file, const fs::path& path, const char* name,
+                 std::initializer_list<hsize_t> shape, const void* data) {
+  write_dataset(file, path, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, shape, data);
+}
+
+std::vector<double> read_reals(const Handle& file, const fs::path& path, const char* name,
+                               const std::vector<hsize_t>& shape) {
+  const Dataset set = open_dataset(file, path, name, H5T_FLOAT, shape);
+  return read_values<double>(set, path, name, H5T_NATIVE_DOUBLE);
+}
+
+std::vector<sim::Vec3<double>> read_vectors(const Handle& file, const fs::path& path,
+                                            const char* name, std::size_t vertices) {
+  const std::vector<double> numbers = read_reals(file, path, name, {vertices, 3});
+  std::vector<sim::Vec3<double>> vectors;
+  for (std::size_t i = 0; i < vertices; ++i) {
+    vectors.push_back({numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]});
+  }
+  return vectors;
+}
+
+}  // namespace
+
+void write_checkpoint(const fs::path& path, const sim::State& state, double substep_s) {
+  const QuietHdf5 quiet;
+  static_assert(sizeof(sim::Vec3<double>) == 3 * sizeof(double));
+  Handle file = create_hdf5(path);
+  const hsize_t n = state.u.size();
+  write_reals(file, path, "/u", {n, 3}, state.u.data());
+  write_reals(file, path, "/v", {n, 3}, state.v.data());
+  write_reals(file, path, "/memory", {state.memory.size()}, state.memory.data());
+  write_dataset(file, path, "/step", H5T_STD_U64LE, H5T_NATIVE_UINT64, {1}, &state.step);
+  write_reals(file, path, "/substep", {1}, &substep_s);
+  if (!file.reset()) throw write_error(path, "file");
+}
+
+sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim::TimeGrid& time) {
+  const QuietHdf5 quiet;
+  const Handle file = open_hdf5(path);
+  const double substep = read_reals(file, path, "/substep", {1})[0];
+  if (substep != time.substep_s()) {
+    throw read_error(path, "/substep", fmt::format("{} s", substep),
+                     fmt::format("{} s, the scene's", time.substep_s()));
+  }
+  sim::State state{read_vectors(file, path, "/u", vertices),
+                   read_vectors(file, path, "/v", vertices)};
+  const Dataset step = open_dataset(file, path, "/step", H5T_INTEGER, {1});
+  state.step = read_values<std::uint64_t>(step, path, "/step", H5T_NATIVE_UINT64)[0];
+  state.memory = read_reals(file, path, "/memory", {0});
+  if (!state.finite()) throw read_error(path, "/u", "values that are not finite", "finite values");
+  const double reached = static_cast<double>(state.step) * substep;
+  if (state.step % time.substeps != 0 || reached > time.end_s) {
+    throw read_error(path, "/step", fmt::format("{}, time {:.6g} s", state.step, reached),
+                     fmt::format("whole frames of {} substeps, up to the end at {:.6g} s",
+                                 time.substeps, time.end_s));
+  }
+  return state;
+}
+
+}  // namespace viscera

@@ -1,0 +1,24 @@
+// checkpoint.h5: the whole state of a run, from which it goes on to the same bits.
+//
+//   /u, /v    float64 [n][3]   displacement m, velocity m/s
+//   /memory   float64 [k]      what effects with a history keep
+//   /step     uint64           substeps done
+//   /substep  float64          s
+//
+// Single precision states are kept in double without loss.
+#pragma once
+
+#include <filesystem>
+
+#include "sim/scene.hpp"
+#include "sim/state.hpp"
+
+namespace viscera {
+
+void write_checkpoint(const std::filesystem::path& path, const sim::State& state, double substep_s);
+
+// Throws Error(bad_input) for a file that is not one, or is that of another mesh or time grid.
+sim::State read_checkpoint(const std::filesystem::path& path, std::size_t vertices,
+                           const sim::TimeGrid& time);
+
+}  // namespace viscera

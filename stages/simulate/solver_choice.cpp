@@ -1,0 +1,132 @@
+#include "stages/simulate/solver_choice.hpp"
+
+#include <fmt/format.h>
+
+#include "pipeline/contract/log.hpp"
+#include "sim/refusal.hpp"
+
+namespace viscera {
+namespace {
+
+using sim::FemOptions, sim::Method, sim::Precision, sim::Scheme;
+
+template <class Value>
+using Words = std::vector<std::pair<const char*, Value>>;
+
+const Words<Method> methods = {
+    {"xpbd", Method::xpbd}, {"pbd", Method::pbd}, {"tled", Method::tled}, {"fem", Method::fem}};
+const Words<Scheme> schemes = {{"gauss_seidel", Scheme::gauss_seidel},
+                               {"block_gauss_seidel", Scheme::block_gauss_seidel},
+                               {"jacobi", Scheme::jacobi}};
+const Words<Precision> precisions = {{"fp32", Precision::fp32}, {"fp64", Precision::fp64}};
+const Words<FemOptions::Time> fem_times = {{"implicit_euler", FemOptions::Time::implicit_euler},
+                                           {"quasi_static", FemOptions::Time::quasi_static}};
+const Words<FemOptions::Linear> fem_linears = {{"cholesky", FemOptions::Linear::cholesky},
+                                               {"pcg", FemOptions::Linear::pcg}};
+
+// The first word is the default.
+template <class Value>
+Param choice(const char* name, const Words<Value>& words, const char* doc) {
+  std::vector<std::string> choices;
+  for (const auto& [word, value] : words) choices.emplace_back(word);
+  return {.name = name,
+          .type = ParamType::text,
+          .fallback = choices.front(),
+          .choices = choices,
+          .doc = doc};
+}
+
+template <class Value>
+Value chosen(const StageRun& run, const char* name, const Words<Value>& words) {
+  const auto word = run.param<std::string>(name);
+  for (const auto& [known, value] : words) {
+    if (word == known) return value;
+  }
+  return words.front().second;  // not reached: the parameter is resolved
+}
+
+Param whole(const char* name, int fallback, double lo, double hi, const char* doc) {
+  return {.name = name,
+          .type = ParamType::integer,
+          .fallback = fallback,
+          .lo = lo,
+          .hi = hi,
+          .doc = doc};
+}
+
+std::string number(double value) {
+  return fmt::format("{}", value);
+}
+
+}  // namespace
+
+std::vector<Param> solver_params() {
+  const sim::SolverOptions d;
+  Param threads =
+      whole("threads", d.threads, 0, 1024, "CPU threads, 0 for all; results do not depend on it");
+  threads.in_key = false;
+  return {
+      choice("solver", methods, "how the scene is solved"),
+      choice("scheme", schemes, "xpbd, pbd: the order of the elements"),
+      whole("iterations", d.iterations, 1, 1e6, "xpbd, pbd: iterations a substep"),
+      quantity("split", number(d.split), "1", 1.0, 1e3,
+               "jacobi: factor on the denominator; 1 is explicit dynamics"),
+      whole("block_tets", d.block_tets, 1, 1e9, "block_gauss_seidel: elements a block"),
+      quantity("stiffness", number(d.stiffness), "1", 0.0, 1.0,
+               "pbd: share of an error that an iteration removes"),
+      choice("fem_time", fem_times, "fem: dynamics, or equilibria one after the other"),
+      choice("fem_linear", fem_linears, "fem: linear solver"),
+      quantity("fem_tolerance", number(d.fem.tolerance), "1", 1e-15, 1.0,
+               "fem: residual force over the sum of the forces' magnitudes"),
+      whole("fem_order", d.fem.order, 1, 2, "fem: 1 linear tets, 2 quadratic"),
+      {.name = "device",
+       .type = ParamType::text,
+       .fallback = "auto",
+       .choices = {"auto", "cpu", "cuda"},
+       .doc = "auto: CUDA when there is a device that runs the solver, else the CPU"},
+      choice("precision", precisions, "of the state and the solver; diagnostics are always fp64"),
+      threads};
+}
+
+sim::SolverOptions solver_options(const StageRun& run) {
+  sim::SolverOptions options{.method = chosen(run, "solver", methods),
+                             .scheme = chosen(run, "scheme", schemes),
+                             .precision = chosen(run, "precision", precisions),
+                             .iterations = run.param<int>("iterations"),
+                             .split = run.param<double>("split"),
+                             .block_tets = run.param<int>("block_tets"),
+                             .stiffness = run.param<double>("stiffness"),
+                             .threads = run.param<int>("threads")};
+  options.fem.time = chosen(run, "fem_time", fem_times);
+  options.fem.linear = chosen(run, "fem_linear", fem_linears);
+  options.fem.tolerance = run.param<double>("fem_tolerance");
+  options.fem.order = run.param<int>("fem_order");
+  return options;
+}
+
+std::unique_ptr<sim::Solver> choose_solver(StageRun& run, const sim::Model& model,
+                                           const sim::Scene& scene) {
+  const sim::SolverOptions options = solver_options(run);
+  const auto on_cpu = [&] { return sim::make_on_cpu(model, scene, options); };
+  const std::string device = run.param<std::string>("device");
+  if (device == "cpu") return on_cpu();
+  if (device == "cuda") return sim::make_on_cuda(model, scene, options);
+  if (const std::string lacks = sim::what_cuda_lacks(scene, options); !lacks.empty()) {
+    log::info("CUDA does not run {}: running on the CPU", lacks);
+    return on_cpu();
+  }
+  const auto cuda = sim::find_cuda_device();
+  if (!cuda.name) {
+    log::info("no CUDA device ({}): running on the CPU", cuda.why_not);
+    return on_cpu();
+  }
+  try {
+    return sim::make_on_cuda(model, scene, options);
+  } catch (const sim::Refusal& refusal) {
+    log::warn("{} cannot be used ({}): running on the CPU", *cuda.name, refusal.found);
+    run.set_uncacheable("device: auto fell back to the CPU although there is a CUDA device");
+    return on_cpu();
+  }
+}
+
+}  // namespace viscera

@@ -1,0 +1,35 @@
+// The hard cases by subject, and the solvers that claim them.
+#pragma once
+
+#include "tests/results/outcome.hpp"
+#include "tests/results/run.hpp"
+
+namespace viscera::sim {
+
+struct Entrant {
+  const char* name;
+  SolverOptions options;
+};
+// Every solver and precision that simulates tissue.
+std::vector<Entrant> entrants();
+
+// One row for every entrant.
+using CaseRun = std::function<Outcome(const SolverOptions&)>;
+void add_case(std::vector<Row>& rows, const char* section, const std::string& name,
+              const CaseRun& run, bool may_refuse = false);
+// One row for what no solver sees.
+void add_case(std::vector<Row>& rows, const char* section, const std::string& name,
+              const std::function<Outcome()>& run);
+
+void add_shape_cases(std::vector<Row>& rows);
+void add_material_cases(std::vector<Row>& rows);
+void add_scale_cases(std::vector<Row>& rows);
+void add_contact_cases(std::vector<Row>& rows);
+void add_input_cases(std::vector<Row>& rows);
+
+Scene damped_scene();   // elastic and viscous
+Scene weighty_scene();  // and gravity
+// Fixes the vertices of smallest x.
+void clamp_left(Model& model);
+
+}  // namespace viscera::sim

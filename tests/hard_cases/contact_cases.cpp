@@ -1,0 +1,114 @@
+// Fast, long and crushing: impacts, a hundred thousand steps of doing nothing, and bodies too soft
+// for their weight.
+#include <fmt/format.h>
+
+#include "tests/hard_cases/cases.hpp"
+
+namespace viscera::sim {
+namespace {
+
+double height_of_centre(const Model& model, const State& state) {
+  double mass = 0.0, sum = 0.0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    mass += model.mass[i];
+    sum += model.mass[i] * (model.rest[i].z + state.u[i].z);
+  }
+  return sum / mass;
+}
+
+double lowest(const Model& model, const State& state) {
+  double z = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    z = std::min(z, model.rest[i].z + state.u[i].z);
+  }
+  return z;
+}
+
+// A plate of 1 cm thrown at the ground: a substep leads through 2.6 times its thickness.
+Outcome thrown(const SolverOptions& options) {
+  const Model model = make_box({0.05, 0.05, 0.01}, {5, 5, 1}, soft_tissue);
+  Scene scene = drop_scene();
+  const double plane = -0.005 - scene.params<Ground>().front().clearance;
+  Run run(model, scene, options);
+  State start = at_rest(model);
+  for (auto& v : start.v) v.z = -100.0;
+  run.start_from(start);
+  const double given = run.peak_energy();
+  double deepest = 0.0, centre = 1.0;
+  while (run.time() < 2.0 - 1e-9 && run.advance()) {
+    deepest = std::max(deepest, plane - lowest(model, run.state()));
+    centre = std::min(centre, height_of_centre(model, run.state()) - plane);
+  }
+  return {{{"deepest vertex below the plane / L", deepest / model.size(), 0.05},
+           {"centre below the plane / L", -centre / model.size(), 0.0},
+           {"peak energy / input", run.peak_energy() / given, 1.0 + 1e-6},
+           {"ε after 2 s", run.rigid_aligned_rms(), 0.05}},
+          fmt::format("min J {:.2g}", run.min_j()),
+          ""};
+}
+
+constexpr int many_steps = 100000;
+
+Outcome still(const SolverOptions& options) {
+  const Model model = make_cube(2);
+  Run run(model, damped_scene(), options);
+  const int frames = (many_steps + run.scene().time.substeps - 1) / run.scene().time.substeps;
+  for (int frame = 0; frame < frames && run.finite(); ++frame) run.advance();
+  return {{{"speed, m/s", run.now().max_speed, 1e-6},
+           {"change of volume", std::abs(run.now().volume_ratio - 1.0), 1e-7}},
+          fmt::format("displacement {:.1g} m", run.now().max_displacement),
+          ""};
+}
+
+Outcome resting(const SolverOptions& options) {
+  const Model model = make_cube(2);
+  Scene scene = drop_scene();
+  scene.params<Ground>().front().clearance = 0.0;
+  Run run(model, scene, options);
+  run.advance_to(3.0);
+  const State before = run.state();
+  const double sag = -height_of_centre(model, before);
+  const int frames = (many_steps + run.scene().time.substeps - 1) / run.scene().time.substeps;
+  for (int frame = 0; frame < frames && run.finite(); ++frame) run.advance();
+  double creep = 0.0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    const Vec3<double> moved = run.state().u[i] - before.u[i];
+    creep = std::max(creep, std::hypot(moved.x, moved.y));
+  }
+  return {{{"creep / L", creep / model.size(), 1e-4},
+           {"change of sag", std::abs(-height_of_centre(model, run.state()) / sag - 1.0), 0.01}},
+          fmt::format("sag {:.3g} mm, {:.1g} m/s left", 1e3 * sag, run.now().max_speed),
+          ""};
+}
+
+// A body that its own weight, ten times over, presses together, then without weight.
+Outcome crushed(const SolverOptions& options) {
+  Material soft = soft_tissue;
+  soft.youngs_modulus = 500.0;
+  const Model model = make_cube(3, soft);
+  Scene pressing = drop_scene(), free = damped_scene();
+  pressing.params<Gravity>().front().acceleration *= 10.0;
+  Run run(model, pressing, options);
+  run.advance_to(1.0);
+  Run after(model, free, options);
+  State start = run.state();
+  start.step = 0;
+  after.start_from(start);
+  after.advance_to(4.0);
+  return {{{"ε 4 s after", after.rigid_aligned_rms(), 1e-3},
+           {"ψ/μ 4 s after", after.elastic_density(), 1e-6}},
+          fmt::format("min J {:.3g} under load, {} inverted at its end", run.min_j(),
+                      run.now().inverted),
+          ""};
+}
+
+}  // namespace
+
+void add_contact_cases(std::vector<Row>& rows) {
+  add_case(rows, "9", "100 m/s drop of a plate of 1 cm", thrown);
+  add_case(rows, "13", "at rest, no gravity, 1e5 steps", still);
+  add_case(rows, "14", "resting on the ground, 1e5 steps", resting);
+  add_case(rows, "18", "crush at E 500 Pa, 10 g, then free", crushed);
+}
+
+}  // namespace viscera::sim

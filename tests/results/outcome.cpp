@@ -1,0 +1,127 @@
+#include "tests/results/outcome.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <thread>
+
+#include "sim/refusal.hpp"
+
+namespace viscera::sim {
+namespace {
+
+constexpr double infinite = std::numeric_limits<double>::infinity();
+
+bool holds(const Measure& m) {
+  return m.value <= m.bound;  // false for NaN
+}
+
+void run_row(Row& row) {
+  try {
+    row.outcome = row.run();
+  } catch (const Refusal& refusal) {
+    const std::string why =
+        fmt::format("{}: {}; allowed: {}", refusal.field, refusal.found, refusal.allowed);
+    if (row.may_refuse)
+      row.outcome.refusal = why;
+    else
+      row.outcome = {{{"refused where it must run", 1.0, 0.0}}, why, ""};
+  } catch (const std::exception& error) {
+    row.outcome = {{{"exception", 1.0, 0.0}}, error.what(), ""};
+  }
+}
+
+std::string figures(const Outcome& outcome) {
+  std::string text = outcome.refusal;
+  const auto add = [&text](const std::string& more) {
+    if (!more.empty()) text += (text.empty() ? "" : "; ") + more;
+  };
+  for (const auto& m : outcome.measures) {
+    add(fmt::format("{}{} {:.3g} (≤ {:.3g})", holds(m) ? "" : "**", m.name, m.value, m.bound) +
+        (holds(m) ? "" : "**"));
+  }
+  add(outcome.note);
+  return text;
+}
+
+}  // namespace
+
+Verdict verdict_of(const Outcome& outcome) {
+  if (!std::ranges::all_of(outcome.measures, holds)) return Verdict::failed;
+  if (!outcome.refusal.empty()) return Verdict::refused;
+  return outcome.measures.empty() ? Verdict::failed : Verdict::held;
+}
+
+double miss_of(const Outcome& outcome) {
+  double worst = outcome.measures.empty() ? infinite : 0.0;
+  for (const auto& m : outcome.measures) {
+    if (!std::isfinite(m.value)) return infinite;
+    worst = std::max(worst, m.bound > 0.0 ? m.value / m.bound : m.value);
+  }
+  return worst;
+}
+
+void run_rows(std::vector<Row>& rows) {
+  std::atomic<std::size_t> next = 0;
+  const auto work = [&] {
+    for (std::size_t i = next++; i < rows.size(); i = next++) {
+      auto t0 = std::chrono::steady_clock::now();
+      if (getenv("CASE") && rows[i].name.find(getenv("CASE")) == std::string::npos &&
+          rows[i].solver.find(getenv("CASE")) == std::string::npos)
+        continue;
+      run_row(rows[i]);
+      if (getenv("TIMES"))
+        fmt::print(stderr, "{:.2f} s {} {} {}\n",
+                   std::chrono::duration<double>(std::chrono::steady_clock::now() - t0).count(),
+                   rows[i].name, rows[i].solver, rows[i].precision);
+    }
+  };
+  std::vector<std::jthread> crew;
+  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) crew.emplace_back(work);
+  work();
+}
+
+std::vector<std::string> complaints(const std::vector<Row>& rows,
+                                    const std::vector<KnownMiss>& known) {
+  std::vector<std::string> found;
+  for (const Row& row : rows) {
+    const auto miss = std::ranges::find_if(known, [&row](const KnownMiss& k) {
+      return k.name == row.name && k.solver == row.solver && k.precision == row.precision;
+    });
+    const std::string who = row.name + ", " + row.solver + ", " + row.precision + ": ";
+    const bool failed = verdict_of(row.outcome) == Verdict::failed;
+    if (failed && miss == known.end()) found.push_back(who + figures(row.outcome));
+    if (!failed && miss != known.end()) found.push_back(who + "no miss any more: strike it off");
+    constexpr double rounding = 1.02;  // the list gives three digits
+    if (failed && miss != known.end() && miss_of(row.outcome) > rounding * miss->miss) {
+      found.push_back(who + "worse than known: " + figures(row.outcome));
+    }
+  }
+  return found;
+}
+
+void write_table(const std::filesystem::path& file, const std::string& head, const char* held,
+                 const std::vector<Row>& rows) {
+  const char* const words[] = {held, "refused", "**failed**"};
+  int count[3] = {};
+  std::string table =
+      "| # | case | solver | precision | outcome | figures (bound) |\n"
+      "|---|---|---|---|---|---|\n";
+  for (const Row& row : rows) {
+    const int verdict = static_cast<int>(verdict_of(row.outcome));
+    ++count[verdict];
+    table += fmt::format("| {} | {} | {} | {} | {} | {} |\n", row.section, row.name, row.solver,
+                         row.precision, words[verdict], figures(row.outcome));
+  }
+  std::filesystem::create_directories(file.parent_path());
+  std::ofstream(file) << fmt::format(
+      "{}\n{} rows: {} {}, {} refused with a reason, {} failed.\n\n{}", head, rows.size(), count[0],
+      held, count[1], count[2], table);
+}
+
+}  // namespace viscera::sim

@@ -1,0 +1,101 @@
+#include "tests/results/run.hpp"
+
+#include <Eigen/Geometry>
+#include <limits>
+
+namespace viscera::sim {
+namespace {
+
+// Implicit steps are larger: two where the others take 64.
+Scene after_policy(const Model& model, Scene scene, Method method) {
+  if (method == Method::fem) scene.time.substeps = (scene.time.substeps + 31) / 32;
+  apply_policy(model, scene, method);
+  return scene;
+}
+
+}  // namespace
+
+Run::Run(const Model& model, const Scene& scene, const SolverOptions& options)
+    : model_(model),
+      scene_(after_policy(model, scene, options.method)),
+      options_(options),
+      solver_(make_on_cpu(model, scene_, options)) {
+  look();
+}
+
+void Run::look() {
+  state_ = solver_->state();
+  now_ = diagnose(model_, scene_, state_);
+  finite_ = state_.finite();
+  peak_energy_ = std::max(peak_energy_, now_.total());
+  peak_speed_ = std::max(peak_speed_, now_.max_speed);
+  min_j_ = std::min(min_j_, now_.min_j);
+}
+
+bool Run::advance() {
+  solver_->advance_frame();
+  ++frames_;
+  look();
+  return finite_;
+}
+
+void Run::advance_to(double seconds) {
+  while (finite_ && time() < seconds - 1e-9) advance();
+}
+
+void Run::settle(double speed, double seconds, double keep) {
+  while (advance() && time() < seconds - 1e-9 && now_.max_speed > speed) {
+    State slower = state_;
+    for (auto& v : slower.v) v *= keep;
+    solver_->set_state(slower);
+  }
+}
+
+double Run::elastic_density() const {
+  double sum = 0.0;  // mu V, J
+  for (std::size_t t = 0; t < model_.tet_count(); ++t) {
+    sum += lame(model_.material(t)).mu * model_.volume[t];
+  }
+  return now_.elastic / sum;
+}
+
+double Run::rigid_aligned_rms() const {
+  if (!finite_) return std::numeric_limits<double>::quiet_NaN();
+  const auto n = static_cast<Eigen::Index>(model_.vertex_count());
+  Eigen::Matrix3Xd rest(3, n), now(3, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Vec3<double>&x = model_.rest[i], y = x + state_.u[i];
+    rest.col(i) << x.x, x.y, x.z;
+    now.col(i) << y.x, y.y, y.z;
+  }
+  const Eigen::Matrix4d best = Eigen::umeyama(rest, now, false);
+  const Eigen::Matrix3Xd copy =
+      (best.topLeftCorner<3, 3>() * rest).colwise() + best.topRightCorner<3, 1>().eval();
+  return (now - copy).norm() / std::sqrt(static_cast<double>(n)) / model_.size();
+}
+
+State equilibrium(const Model& model, const Scene& scene) {
+  SolverOptions newton{.method = Method::fem, .threads = 1};
+  newton.fem.time = FemOptions::Time::quasi_static;
+  newton.fem.tolerance = 1e-9;
+  const auto solver = make_on_cpu(model, scene, newton);
+  solver->advance_frame();
+  return solver->state();
+}
+
+State at_rest(const Model& model) {
+  State state;
+  state.u.resize(model.vertex_count());
+  state.v.resize(model.vertex_count());
+  return state;
+}
+
+double rms_difference(const Model& model, const State& a, const State& b) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    sum += dot(a.u[i] - b.u[i], a.u[i] - b.u[i]);
+  }
+  return std::sqrt(sum / static_cast<double>(model.vertex_count())) / model.size();
+}
+
+}  // namespace viscera::sim

@@ -1,0 +1,105 @@
+// Vertices that go where they are told, whatever pulls at them.
+#include <gtest/gtest.h>
+
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+Selection top_of_the_body() {
+  Selection top;
+  top.side = "superior";
+  top.within = 1e-6;
+  return top;
+}
+
+template <class Params>
+Params on_top() {
+  Params params;
+  static_cast<Selection&>(params) = top_of_the_body();
+  return params;
+}
+
+Scene hanging_scene() {
+  Scene scene = elastic_scene();
+  scene.params<Viscosity>().emplace_back();
+  scene.params<Gravity>().emplace_back();
+  return scene;
+}
+
+TEST(Attachment, AFixedVertexStaysToTheBitAndTheRestHangsFromIt) {
+  const Model model = make_cube(3);
+  Scene scene = hanging_scene();
+  scene.params<Fixed>().push_back(on_top<Fixed::Params>());
+  const auto top = select_vertices(model, top_of_the_body(), "fixed");
+  ASSERT_EQ(top.size(), 16u);
+  Model clamped = model;  // the same by the model's own flags
+  for (const int v : top) clamped.fixed[v] = 1;
+  Scene plain = hanging_scene();
+  for (const Precision precision : {Precision::fp64, Precision::fp32}) {
+    const auto solver = make_on_cpu(model, scene, {.precision = precision});
+    const auto reference = make_on_cpu(clamped, plain, {.precision = precision});
+    for (int frame = 0; frame < 10; ++frame) solver->advance_frame(), reference->advance_frame();
+    const State state = solver->state();
+    for (const int v : top) EXPECT_EQ(norm(state.u[v]) + norm(state.v[v]), 0.0);
+    EXPECT_LT(state.u[0].z, -1e-4);
+    EXPECT_EQ(state.hash(), reference->state().hash());
+  }
+}
+
+TEST(Attachment, APrescribedVertexFollowsItsRampWhateverPulls) {
+  const Model model = make_cube(3);
+  for (const char* ramp : {"linear", "smooth"}) {
+    Scene scene = hanging_scene();
+    auto& params = scene.params<Prescribed>().emplace_back(on_top<Prescribed::Params>());
+    params.displacement = {0.002, 0.0, 0.01};
+    params.start = 0.1;
+    params.duration = 0.2;
+    params.ramp = ramp;
+    const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp32});
+    const auto top = select_vertices(model, params, "prescribed");
+    for (int frame = 1; frame <= 24; ++frame) {
+      solver->advance_frame();
+      const double s = std::clamp((frame / 60.0 - 0.1) / 0.2, 0.0, 1.0);
+      const double share = ramp == std::string("smooth") ? s * s * (3.0 - 2.0 * s) : s;
+      const double slope = ramp == std::string("smooth") ? 6.0 * s * (1.0 - s) : 1.0;
+      const State state = solver->state();
+      for (const int v : top) {
+        EXPECT_LT(norm(state.u[v] - share * params.displacement), 2e-8) << ramp << frame;
+        if (s <= 0.0 || s >= 1.0) continue;
+        const Vec3<double> velocity = (slope / params.duration) * params.displacement;
+        EXPECT_LT(norm(state.v[v] - velocity), 1e-3) << ramp << frame;
+      }
+    }
+    for (const int v : top) EXPECT_EQ(norm(solver->state().v[v]), 0.0);
+  }
+}
+
+TEST(Attachment, WhatSelectsNothingOrLacksItsDisplacementIsRefused) {
+  const Model model = make_cube(1);
+  const auto refused = [&](const Scene& scene) -> std::string {
+    try {
+      make_on_cpu(model, scene, {});
+    } catch (const Refusal& refusal) {
+      return refusal.field;
+    }
+    return "made";
+  };
+  Scene scene = elastic_scene();
+  scene.params<Fixed>().emplace_back();
+  EXPECT_EQ(refused(scene).find("effects.fixed"), 0u) << refused(scene);
+  auto& box = scene.params<Fixed>().front();
+  box.box_lo = {1.0, 1.0, 1.0};
+  box.box_hi = {2.0, 2.0, 2.0};
+  EXPECT_EQ(refused(scene).find("effects.fixed"), 0u) << refused(scene);
+  scene = elastic_scene();
+  scene.params<Prescribed>().push_back(on_top<Prescribed::Params>());
+  EXPECT_EQ(refused(scene), "effects.prescribed.displacement");
+  scene.params<Prescribed>().front().displacement = {};
+  EXPECT_EQ(refused(scene), "made");
+  scene.params<Prescribed>().front().ramp = "wild";
+  EXPECT_EQ(refused(scene), "effects.prescribed.ramp");
+}
+
+}  // namespace
+}  // namespace viscera::sim
