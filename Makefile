@@ -7,7 +7,7 @@ OUT := out/stages
 SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -name '*.cu' -o -name '*.cuh')
 
 .PHONY: help packages build run test check-format format clean \
-        stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu bench-solver
+        stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu judge-large bench-solver
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -71,6 +71,9 @@ bench-solver: $(BENCH)/mesh.vtu ## what a substep costs on this machine, by meth
 
 format: ## bring every source into the house style
 	@clang-format -i $(SOURCES)
+
+judge-large: build ## the verification table with the bar of 28,800 tets against CalculiX
+	@VISCERA_JUDGE_LARGE=1 $(BIN)/test_solvers
 
 check-format: ## fail when a source is not in the house style
 	@clang-format --dry-run -Werror $(SOURCES)

@@ -54,7 +54,8 @@ std::string figures(const Outcome& outcome) {
 Verdict verdict_of(const Outcome& outcome) {
   if (!std::ranges::all_of(outcome.measures, holds)) return Verdict::failed;
   if (!outcome.refusal.empty()) return Verdict::refused;
-  return outcome.measures.empty() ? Verdict::failed : Verdict::held;
+  if (!outcome.measures.empty()) return Verdict::held;
+  return outcome.note.empty() ? Verdict::failed : Verdict::reported;
 }
 
 double miss_of(const Outcome& outcome) {
@@ -107,8 +108,8 @@ std::vector<std::string> complaints(const std::vector<Row>& rows,
 
 void write_table(const std::filesystem::path& file, const std::string& head, const char* held,
                  const std::vector<Row>& rows) {
-  const char* const words[] = {held, "refused", "**failed**"};
-  int count[3] = {};
+  const char* const words[] = {held, "refused", "**failed**", "reported"};
+  int count[4] = {};
   std::string table =
       "| # | case | solver | precision | outcome | figures (bound) |\n"
       "|---|---|---|---|---|---|\n";
@@ -120,8 +121,8 @@ void write_table(const std::filesystem::path& file, const std::string& head, con
   }
   std::filesystem::create_directories(file.parent_path());
   std::ofstream(file) << fmt::format(
-      "{}\n{} rows: {} {}, {} refused with a reason, {} failed.\n\n{}", head, rows.size(), count[0],
-      held, count[1], count[2], table);
+      "{}\n{} rows: {} {}, {} refused with a reason, {} failed, {} reported.\n\n{}", head,
+      rows.size(), count[0], held, count[1], count[2], count[3], table);
 }
 
 }  // namespace viscera::sim
