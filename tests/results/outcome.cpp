@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -36,13 +35,21 @@ void run_row(Row& row) {
   }
 }
 
+}  // namespace
+
+std::string number(double value) {
+  return std::isfinite(value) ? fmt::format("{:.3g}", value) : "not finite";
+}
+
+namespace {
+
 std::string figures(const Outcome& outcome) {
   std::string text = outcome.refusal;
   const auto add = [&text](const std::string& more) {
     if (!more.empty()) text += (text.empty() ? "" : "; ") + more;
   };
   for (const auto& m : outcome.measures) {
-    add(fmt::format("{}{} {:.3g} (≤ {:.3g})", holds(m) ? "" : "**", m.name, m.value, m.bound) +
+    add(fmt::format("{}{} {} (≤ {:.3g})", holds(m) ? "" : "**", m.name, number(m.value), m.bound) +
         (holds(m) ? "" : "**"));
   }
   add(outcome.note);
@@ -70,17 +77,7 @@ double miss_of(const Outcome& outcome) {
 void run_rows(std::vector<Row>& rows) {
   std::atomic<std::size_t> next = 0;
   const auto work = [&] {
-    for (std::size_t i = next++; i < rows.size(); i = next++) {
-      auto t0 = std::chrono::steady_clock::now();
-      if (getenv("CASE") && rows[i].name.find(getenv("CASE")) == std::string::npos &&
-          rows[i].solver.find(getenv("CASE")) == std::string::npos)
-        continue;
-      run_row(rows[i]);
-      if (getenv("TIMES"))
-        fmt::print(stderr, "{:.2f} s {} {} {}\n",
-                   std::chrono::duration<double>(std::chrono::steady_clock::now() - t0).count(),
-                   rows[i].name, rows[i].solver, rows[i].precision);
-    }
+    for (std::size_t i = next++; i < rows.size(); i = next++) run_row(rows[i]);
   };
   std::vector<std::jthread> crew;
   for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) crew.emplace_back(work);

@@ -28,7 +28,7 @@ bool is_installed() {
 
 void write_deck(const fs::path& file, const Model& model) {
   std::ofstream out(file);
-  out.precision(17);
+  out.precision(12);  // CalculiX reads 20 characters a number
   out << "*NODE, NSET=ALL\n";
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {
     const auto& x = model.rest[i];

@@ -45,6 +45,7 @@ Settled settle(const Model& model, const State& exact, const SolverOptions& opti
 }
 
 std::string note_of(const Settled& settled, double exact_tip) {
+  if (!settled.state.finite()) return "not finite: unstable";
   return fmt::format("tip {:.2f} mm (Newton {:.2f}), {:.1g} m/s left", settled.tip, exact_tip,
                      settled.speed);
 }
@@ -79,7 +80,7 @@ void add_substep_rows(std::vector<Row>& rows) {
                         const double tip = tip_mm(model, exact);
                         std::string note = note_of(found, tip);
                         if (!is_goal)
-                          return {{}, fmt::format("error {:.3g}, {}", found.error, note)};
+                          return {{}, fmt::format("error {}, {}", number(found.error), note)};
                         return {{{"error", found.error, 0.003}}, note, ""};
                       }});
     }
