@@ -7,7 +7,8 @@ OUT := out/stages
 SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -name '*.cu' -o -name '*.cuh')
 
 .PHONY: help packages build run test check-format format clean \
-        stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu judge-large bench-solver
+        stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu \
+        bench-solver bench-mesh judge-large
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -68,6 +69,14 @@ $(BENCH)/mesh.vtu: build  # the phantom in 30k tets
 
 bench-solver: $(BENCH)/mesh.vtu ## what a substep costs on this machine, by method and threads
 	@$(BIN)/bench_solver $(BENCH)/mesh.vtu docs/results/solver_speed.csv
+
+BENCH_VOLUME ?= sample_data/phantom.nrrd
+BENCH_LABELS ?= {body: [1, 2, 3]}
+BENCH_TETS ?= 5000 50000 200000
+BENCH_CSV ?= out/bench/mesh.csv
+bench-mesh: build ## our tets, make_mesh_3's and HXT's on one body: BENCH_VOLUME, _LABELS, _TETS, _CSV
+	@mkdir -p $(dir $(BENCH_CSV))
+	@$(BIN)/bench_mesh $(BENCH_VOLUME) '$(BENCH_LABELS)' $(BENCH_CSV) $(BENCH_TETS)
 
 format: ## bring every source into the house style
 	@clang-format -i $(SOURCES)

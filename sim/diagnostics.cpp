@@ -14,7 +14,19 @@ Mat3<double> gradient_of(const Model& model, const State& state, std::size_t tet
   return displacement_gradient(u, model.rest_inverse[tet]);
 }
 
-void add_tets(const Model& model, const State& state, bool elastic, Diagnostics& sum) {
+// Of every elastic law that is on, J/m3.
+double energy_density(const Scene& scene, const Material& material, const Mat3<double>& h) {
+  double density = 0.0;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (requires { Effect::energy_density(material, h); }) {
+      const auto times = static_cast<double>(std::get<i>(scene.effects).size());
+      if (times > 0.0) density += times * Effect::energy_density(material, h);
+    }
+  });
+  return density;
+}
+
+void add_tets(const Model& model, const Scene& scene, const State& state, Diagnostics& sum) {
   sum.min_j = std::numeric_limits<double>::infinity();
   double rest_volume = 0.0;
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
@@ -24,9 +36,7 @@ void add_tets(const Model& model, const State& state, bool elastic, Diagnostics&
     if (j <= 0.0) ++sum.inverted;
     sum.volume += j * model.volume[t];
     rest_volume += model.volume[t];
-    if (elastic) {
-      sum.elastic += NeoHookean::energy_density(model.material(t), h) * model.volume[t];
-    }
+    sum.elastic += energy_density(scene, model.material(t), h) * model.volume[t];
   }
   sum.volume_ratio = sum.volume / rest_volume;
 }
@@ -35,7 +45,7 @@ void add_tets(const Model& model, const State& state, bool elastic, Diagnostics&
 
 Diagnostics diagnose(const Model& model, const Scene& scene, const State& state) {
   Diagnostics sum;
-  add_tets(model, state, scene.has<NeoHookean>(), sum);
+  add_tets(model, scene, state, sum);
   Vec3<double> g;
   for (const auto& gravity : scene.params<Gravity>()) g += Gravity::vector(gravity);
   double mass = 0.0;

@@ -54,4 +54,17 @@ SIM_HD Mat3<T> displacement_gradient(const Vec3<T> u[4], const Mat3<T>& rest_inv
   return edges * rest_inverse;
 }
 
+// Edges of a tet's displacement u + d. The differences of u and of d apart: their sum would round
+// away the substep's motion.
+template <class T>
+SIM_HD Mat3<T> displacement_edges(const Vec3<T> u[4], const Vec3<T> d[4]) {
+  return {{(u[1] - u[0]) + (d[1] - d[0]), (u[2] - u[0]) + (d[2] - d[0]),
+           (u[3] - u[0]) + (d[3] - d[0])}};
+}
+template <class T>
+SIM_HD Mat3<T> displacement_gradient(const Vec3<T> u[4], const Vec3<T> d[4],
+                                     const Mat3<T>& rest_inverse) {
+  return displacement_edges(u, d) * rest_inverse;
+}
+
 }  // namespace viscera::sim

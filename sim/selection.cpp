@@ -166,6 +166,17 @@ int find_label(const Model& model, const std::string& name, const std::string& f
   refuse(field, "no label '" + name + "' in the mesh", "one of: " + known);
 }
 
+TetSubset tets_of(const Model& model, const std::string& label, const std::string& field) {
+  const int wanted = label.empty() ? -1 : find_label(model, label, field);
+  TetSubset subset;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    if (wanted >= 0 && model.material_of[t] != wanted) continue;
+    subset.push_back(model.tets[t]);
+    subset.index.push_back(t);
+  }
+  return subset;
+}
+
 std::vector<int> select_vertices(const Model& model, const Selection& selection,
                                  const char* effect) {
   const std::string prefix = std::string("effects.") + effect + ".";

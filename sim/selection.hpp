@@ -36,6 +36,14 @@ std::vector<int> select_vertices(const Model& model, const Selection& selection,
 std::vector<Triangle> select_faces(const Model& model, const Selection& selection,
                                    const char* effect);
 
+// Tets of a model with their numbers.
+struct TetSubset : std::vector<Tet> {
+  std::vector<std::size_t> index;
+};
+
+// The tets of a label, or all where `label` is empty.
+TetSubset tets_of(const Model& model, const std::string& label, const std::string& field);
+
 // The index into Model::materials of the label called so; refused if there is none.
 int find_label(const Model& model, const std::string& name, const std::string& field);
 

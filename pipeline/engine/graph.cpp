@@ -89,7 +89,7 @@ void check_given_roles(const Candidate& stage, const std::vector<Candidate>& sta
                 known.empty() ? "remove it" : suggest(given.role, known));
     }
     const auto writer = writers.find(given.role);
-    if (writer == writers.end()) continue;
+    if (writer == writers.end() || stages[writer->second.candidate].spec == stage.spec) continue;
     throw bad(given.where, field,
               fmt::format("stage '{}' already writes this role",
                           stages[writer->second.candidate].spec->name),
@@ -98,7 +98,9 @@ void check_given_roles(const Candidate& stage, const std::vector<Candidate>& sta
 }
 
 // The inputs of one stage; `producer` still counts in the spec's order.
-std::vector<PlannedInput> connect(const Candidate& stage, const Writers& writers) {
+std::vector<PlannedInput> connect(const std::vector<Candidate>& stages, std::size_t self,
+                                  const Writers& writers) {
+  const Candidate& stage = stages[self];
   std::vector<PlannedInput> inputs;
   for (const auto& role : stage.program.info.inputs) {
     PlannedInput input{.role = role};
@@ -106,7 +108,9 @@ std::vector<PlannedInput> connect(const Candidate& stage, const Writers& writers
       if (given.role == role.role) input.files.push_back(given.path);
     }
     const std::string field = stage.spec->name + ".in." + role.role;
-    if (const auto writer = writers.find(role.role); writer != writers.end()) {
+    // A stage may read from a file the role that it writes itself.
+    const auto writer = writers.find(role.role);
+    if (writer != writers.end() && writer->second.candidate != self) {
       input.producer = writer->second.candidate;
       input.produced_file = writer->second.file;
     } else if (input.files.empty()) {
@@ -173,10 +177,10 @@ Plan make_plan(const Spec& spec, Catalog& catalog) {
   const Writers writers = find_writers(stages);
   std::vector<std::vector<PlannedInput>> inputs;
   std::vector<Json> params;
-  for (const auto& stage : stages) {
-    check_given_roles(stage, stages, writers);
-    params.push_back(resolve_params(stage));
-    inputs.push_back(connect(stage, writers));
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    check_given_roles(stages[i], stages, writers);
+    params.push_back(resolve_params(stages[i]));
+    inputs.push_back(connect(stages, i, writers));
   }
   const auto order = order_of(stages, inputs);
   Plan plan;

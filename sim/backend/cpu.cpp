@@ -7,8 +7,8 @@
 #include <chrono>
 #include <optional>
 
-#include "sim/backend/cpu_elements.hpp"
-#include "sim/backend/team.hpp"
+#include "sim/backend/cpu_regions.hpp"
+#include "sim/backend/cpu_self_contact.hpp"
 #include "sim/refusal.hpp"
 
 namespace viscera::sim {
@@ -22,6 +22,14 @@ struct OnCpu {
 template <class Effect, class T>
 struct OnCpu<Effect, T, EffectKind::element> : CpuElements<Effect, T> {
   using CpuElements<Effect, T>::CpuElements;
+};
+template <class Effect, class T>
+struct OnCpu<Effect, T, EffectKind::region> : CpuRegions<Effect, T> {
+  using CpuRegions<Effect, T>::CpuRegions;
+};
+template <class Effect, class T>
+struct OnCpu<Effect, T, EffectKind::self_contact> : CpuSelfContact<T> {
+  using CpuSelfContact<T>::CpuSelfContact;
 };
 template <class Effect, class T>
 struct OnCpu<Effect, T, EffectKind::contact> {
@@ -70,10 +78,20 @@ class CpuSolver final : public Solver {
         begin(mine);
         apply_forces(mine);
         apply_motions(mine, step);
+        lap.took(step_part);
+        for_each_self_contact([&](auto& own, std::size_t effect) {
+          team_.barrier();
+          own.push(team_, rank, u_, d_);
+          lap.took(effect);
+        });
         push_contacts(mine, step);
         lap.took(step_part);
         team_.barrier();
         for (int i = 0; i < options_.iterations; ++i) solve_elements(rank, mine, i, lap);
+        for_each_self_contact([&](auto& own, std::size_t effect) {
+          own.rub(team_, rank, u_, d_);
+          lap.took(effect);
+        });
         rub_contacts(mine, step);
         end(mine);
         lap.took(step_part);
@@ -102,6 +120,8 @@ class CpuSolver final : public Solver {
     for_each_slot<EffectKind::contact>(own_, [&count]<class Effect>(const auto& own) {
       count += std::ranges::count_if(own.correction, touches<T>);
     });
+    for_each_slot<EffectKind::self_contact>(
+        own_, [&count]<class Effect>(const auto& own) { count += own.count(); });
     return count;
   }
   std::string device() const override {
@@ -179,6 +199,11 @@ class CpuSolver final : public Solver {
           }
           lap.took(i);
         }
+      } else if constexpr (Effect::kind == EffectKind::region) {
+        for (auto& own : std::get<i>(own_)) {
+          own.solve(arithmetic, options_.stiffness, team_, rank, mine, u_, d_);
+          lap.took(i);
+        }
       }
     });
     if (copies_) sweep_blocks(arithmetic, rank, mine, lap);
@@ -252,6 +277,16 @@ class CpuSolver final : public Solver {
     copies_->average(mine, d_);
     team_.barrier();
     lap.took(step_part);
+  }
+
+  // function(own, index of the effect)
+  template <class Function>
+  void for_each_self_contact(Function&& function) {
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (Effect::kind == EffectKind::self_contact) {
+        for (auto& own : std::get<i>(own_)) function(own, i);
+      }
+    });
   }
 
   void push_contacts(Range mine, const Step<T>& step) {

@@ -162,6 +162,16 @@ struct OnDevice {  // force effects travel as kernel arguments
 };
 
 template <class Effect, class T>
+struct OnDevice<Effect, T, EffectKind::region> {  // refused before
+  OnDevice(const Prepared<Effect, T>&, int) {}
+};
+
+template <class Effect, class T>
+struct OnDevice<Effect, T, EffectKind::self_contact> {  // refused before
+  OnDevice(const Prepared<Effect, T>&, int) {}
+};
+
+template <class Effect, class T>
 struct OnDevice<Effect, T, EffectKind::contact> {
   typename Effect::template Device<T> device;
   DeviceArray<Vec3<T>> correction;  // [n] m, in this substep; 0: not in contact
@@ -400,7 +410,8 @@ std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
   }
   if (const std::string lacks = what_cuda_lacks(scene, options); !lacks.empty()) {
     throw Refusal(Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
-                  "xpbd by gauss_seidel with one iteration a substep", "use device: cpu or auto");
+                  "xpbd by gauss_seidel with one iteration a substep, no region, no self-contact",
+                  "use device: cpu or auto");
   }
   if (options.precision == Precision::fp64) {
     return std::make_unique<XpbdCuda<double>>(model, scene, *device.name);

@@ -15,8 +15,9 @@
 // with rows = 0, a force that is taken in full
 //   static constexpr int arity, rows;
 //   template <class T> struct Rest;              constant data of one element, numbers of type T
-//   static elements(model, params)               vertices of every element
-//   template <class T> static Rest<T> rest(model, element, params, dt)
+//   static elements(model, params)               vertices of every element: a vector of arrays,
+//                                                with whatever else rest() needs of them
+//   template <class T> static Rest<T> rest(model, elements, index, params, dt)
 //   template <class T> SIM_HD static void evaluate(rest, u, d, Evaluation<T, rows, arity>&)
 //       u[arity]: displacements at the start of the substep, d[arity]: displacements over it. T may
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
@@ -32,6 +33,11 @@
 //   static std::vector<int> vertices(model, params)
 //   template <class T> struct Device; static Device<T> device(model, params)
 //   template <class T> SIM_HD static Vec3<T> target(device, rest_position, time)   displacement, m
+// kind == region: sets of tets whose vertices are drawn towards their rest shape, freely moved
+//   static std::vector<int> regions(model, params)                 the region of each tet
+//   static double squared_frequency(shear, inertia)                from sum mu V and sum m r^2,
+//   1/s2
+// kind == self_contact: Params with a thickness and a friction (self_contact.hpp)
 // kind == contact: holds a vertex out of an obstacle
 //   template <class T> struct Device; static Device<T> device(model, params)
 //   template <class T> SIM_HD static Vec3<T> push(device, step, rest_position, u, d)
@@ -53,7 +59,7 @@
 
 namespace viscera::sim {
 
-enum class EffectKind { force, motion, element, contact };
+enum class EffectKind { force, motion, element, region, self_contact, contact };
 
 // Whether PBD can solve an effect: its constraints vanish at rest one by one.
 template <class Effect>
@@ -103,6 +109,13 @@ template <class T, int arity>
 struct Evaluation<T, 0, arity> {
   Vec3<T> preload[arity];  // N
 };
+
+// For constraints without reference multipliers, after their values.
+template <class T, int rows, int arity>
+SIM_HD void without_reference(Evaluation<T, rows, arity>& out) {
+  for (int row = 0; row < rows; ++row) out.remainder[row] = out.value[row];
+  for (int i = 0; i < arity; ++i) out.preload[i] = Vec3<T>{};
+}
 
 // The default of a parameter that a scene has to give.
 inline constexpr double required = std::numeric_limits<double>::quiet_NaN();

@@ -6,10 +6,21 @@
 
 #include "sim/effects/attachments.hpp"
 #include "sim/effects/colliders.hpp"
+#include "sim/effects/corotational.hpp"
+#include "sim/effects/distance.hpp"
+#include "sim/effects/fibre.hpp"
 #include "sim/effects/gravity.hpp"
 #include "sim/effects/ground.hpp"
+#include "sim/effects/linear.hpp"
 #include "sim/effects/neo_hookean.hpp"
+#include "sim/effects/pressure.hpp"
+#include "sim/effects/prony.hpp"
+#include "sim/effects/self_contact.hpp"
+#include "sim/effects/shape_matching.hpp"
+#include "sim/effects/spring.hpp"
+#include "sim/effects/stvk.hpp"
 #include "sim/effects/viscosity.hpp"
+#include "sim/effects/volume.hpp"
 
 namespace viscera::sim {
 
@@ -34,7 +45,8 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, NeoHookean, Ground,
+using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, NeoHookean, Linear,
+                           StVK, Corotational, Distance, Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact, Ground,
                            Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

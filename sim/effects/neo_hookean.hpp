@@ -39,7 +39,8 @@ struct NeoHookean {
   static const std::vector<Tet>& elements(const Model& model, const Params&) { return model.tets; }
 
   template <class T>
-  static Rest<T> rest(const Model& model, std::size_t tet, const Params&, double) {
+  static Rest<T> rest(const Model& model, const std::vector<Tet>&, std::size_t tet, const Params&,
+                      double) {
     const Lame constants = lame(model.material(tet));
     const double lambda = constants.neo_hookean_lambda();
     return {.rest_inverse = cast<T>(model.rest_inverse[tet]),

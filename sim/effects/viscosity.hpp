@@ -58,7 +58,8 @@ struct Viscosity {
   }
 
   template <class T>
-  static Rest<T> rest(const Model& model, std::size_t tet, const Params&, double dt) {
+  static Rest<T> rest(const Model& model, const std::vector<Tet>&, std::size_t tet, const Params&,
+                      double dt) {
     const Material material = model.material(tet);
     const double strength = 2.0 * lame(material).mu * material.damping * model.volume[tet] / dt;
     return {.rest_inverse = cast<T>(model.rest_inverse[tet]),

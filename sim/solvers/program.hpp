@@ -5,17 +5,22 @@
 //   begin_vertex      d = dt v
 //   force effects     d += dt^2 a
 //   motion effects    d leads to where the vertex is told to be
+//   self-contact      d keeps the surface off itself
 //   contact effects   push: d leads out of the obstacle
 //   element effects   d += dt^2 M^-1 p, by the method's arithmetic and in the scheme's order
-//   contact effects   rub: d loses what friction takes
+//   region effects    among them: d approaches the moved rest shape
+//   self-contact      d loses what friction takes, and keeps half of the thickness
+//   contact effects   rub: d loses what friction takes; stop: none passes through
 //   end_vertex        u += d, v = d / dt
 // The velocity is d / dt and never a difference of two positions, so single precision keeps gravity
 // at any substep (Macklin et al., "Small Steps in Physics Simulation", SCA 2019).
 #pragma once
 
 #include "sim/model.hpp"
+#include "sim/regions.hpp"
 #include "sim/scene.hpp"
 #include "sim/solvers/arithmetic.hpp"
+#include "sim/surface_pairs.hpp"
 
 namespace viscera::sim {
 
@@ -49,9 +54,33 @@ struct Prepared<Effect, T, EffectKind::element> {
     vertices.assign(elements.begin(), elements.end());
     rest.reserve(vertices.size());
     for (std::size_t e = 0; e < vertices.size(); ++e) {
-      rest.push_back(Effect::template rest<T>(model, e, params, dt));
+      rest.push_back(Effect::template rest<T>(model, elements, e, params, dt));
     }
   }
+};
+
+template <class Effect, class T>
+struct Prepared<Effect, T, EffectKind::region> {
+  Regions regions;
+  std::vector<double> squared_phase;  // [regions] omega^2 dt^2
+
+  Prepared(const Model& model, const typename Effect::Params& params, double dt)
+      : regions(model, Effect::regions(model, params)) {
+    for (const auto& region : regions.regions) {
+      const auto& [a, b, c] = region.inertia.col;
+      squared_phase.push_back(dt * dt * Effect::squared_frequency(region.shear, a.x + b.y + c.z));
+    }
+  }
+};
+
+template <class Effect, class T>
+struct Prepared<Effect, T, EffectKind::self_contact> {
+  SurfacePairs pairs;
+  std::vector<Vec3<double>> rest;  // [n] m
+  typename Effect::Params params;
+
+  Prepared(const Model& model, const typename Effect::Params& given, double)
+      : pairs(model, given.thickness), rest(model.rest), params(given) {}
 };
 
 // function.template operator()<Effect>(slot) for every filled slot of one kind of effect, in the

@@ -1,6 +1,7 @@
 #include "stages/common/tet_io.hpp"
 
 #include <fmt/format.h>
+#include <vtkCell.h>
 #include <vtkCellArray.h>
 #include <vtkCellData.h>
 #include <vtkFieldData.h>
@@ -9,6 +10,7 @@
 #include <vtkIntArray.h>
 #include <vtkNew.h>
 #include <vtkPoints.h>
+#include <vtkSmartPointer.h>
 #include <vtkUnstructuredGrid.h>
 #include <vtkVersion.h>
 #include <vtkXMLUnstructuredGridReader.h>
@@ -52,24 +54,37 @@ void read_points(const std::filesystem::path& path, vtkUnstructuredGrid& grid, T
   }
 }
 
-void read_tets(const std::filesystem::path& path, vtkUnstructuredGrid& grid, TetMesh& mesh) {
+// Cells without volume are passed over in a mesh made elsewhere; other cells are never understood.
+void read_tets(const std::filesystem::path& path, vtkUnstructuredGrid& grid, bool foreign,
+               TetMesh& mesh, std::vector<vtkIdType>& cells) {
   const auto count = grid.GetNumberOfCells();
-  if (count == 0) throw bad_mesh(path, "Cells", "no cells", "at least one tetrahedron");
-  mesh.tets.resize(static_cast<std::size_t>(count));
-  vtkNew<vtkIdList> ids;
+  std::size_t others = 0;
+  vtkIdType first_other = 0;
   for (vtkIdType c = 0; c < count; ++c) {
-    if (grid.GetCellType(c) != VTK_TETRA) {
-      throw bad_mesh(path, "Cells", fmt::format("cell {} has VTK type {}", c, grid.GetCellType(c)),
-                     "linear tetrahedra only (VTK type 10)");
+    if (grid.GetCellType(c) == VTK_TETRA) {
+      cells.push_back(c);
+    } else if (!foreign || grid.GetCell(c)->GetCellDimension() > 2) {
+      if (others++ == 0) first_other = c;
     }
+  }
+  if (others > 0) {
+    throw bad_mesh(path, "Cells",
+                   fmt::format("{} cells of other kinds, first cell {} of VTK type {}", others,
+                               first_other, grid.GetCellType(first_other)),
+                   "linear tetrahedra only (VTK type 10)");
+  }
+  if (cells.empty()) throw bad_mesh(path, "Cells", "no tetrahedra", "at least one tetrahedron");
+  vtkNew<vtkIdList> ids;
+  for (const vtkIdType c : cells) {
     grid.GetCellPoints(c, ids);
+    auto& tet = mesh.tets.emplace_back();
     for (vtkIdType k = 0; k < 4; ++k) {
       const vtkIdType id = k < ids->GetNumberOfIds() ? ids->GetId(k) : -1;
       if (id < 0 || id >= grid.GetNumberOfPoints()) {
         throw bad_mesh(path, "Cells", fmt::format("cell {} names point {}", c, id),
                        fmt::format("points 0 to {}", grid.GetNumberOfPoints() - 1));
       }
-      mesh.tets[c][static_cast<std::size_t>(k)] = static_cast<int>(id);
+      tet[static_cast<std::size_t>(k)] = static_cast<int>(id);
     }
   }
 }
@@ -104,25 +119,34 @@ void orient(const std::filesystem::path& path, TetMesh& mesh) {
   if (turned > 0) log::warn("{}: turned {} tets of negative orientation", path.string(), turned);
 }
 
-void read_labels(const std::filesystem::path& path, vtkUnstructuredGrid& grid, TetMesh& mesh) {
-  auto* labels = grid.GetCellData()->GetArray("label");
-  if (labels == nullptr || labels->GetNumberOfComponents() != 1) {
+// Our own name comes first; the others are those of meshio and MMG.
+constexpr const char* label_arrays[] = {"label", "gmsh:physical", "medit:ref", "CellEntityIds"};
+
+void read_labels(const std::filesystem::path& path, vtkUnstructuredGrid& grid, bool foreign,
+                 const std::vector<vtkIdType>& cells, ForeignMesh& read) {
+  TetMesh& mesh = read.mesh;
+  vtkDataArray* labels = nullptr;
+  for (const char* name : label_arrays) {
+    if (labels != nullptr || (!foreign && name != label_arrays[0])) continue;
+    labels = grid.GetCellData()->GetArray(name);
+    if (labels != nullptr) read.labels_from = name;
+  }
+  if (labels == nullptr && foreign) {
+    mesh.labels.assign(mesh.tets.size(), 1);
+  } else if (labels == nullptr || labels->GetNumberOfComponents() != 1) {
     throw bad_mesh(path, "CellData/label", "missing, or not one number per cell",
                    "an integer cell array 'label': the material of each tet");
   }
-  mesh.labels.resize(mesh.tets.size());
-  std::set<int> present;
-  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
-    const double value = labels->GetComponent(static_cast<vtkIdType>(t), 0);
+  for (std::size_t t = 0; labels != nullptr && t < cells.size(); ++t) {
+    const double value = labels->GetComponent(cells[t], 0);
     if (!(value >= 0.0 && value <= 65535.0) || value != std::floor(value)) {
-      throw bad_mesh(path, "CellData/label", fmt::format("cell {} has {}", t, value),
-                     "whole numbers from 0 to 65535");
+      throw bad_mesh(path, "CellData/" + read.labels_from,
+                     fmt::format("cell {} has {}", cells[t], value), "whole numbers, 0 to 65535");
     }
-    mesh.labels[t] = static_cast<int>(value);
-    present.insert(mesh.labels[t]);
+    mesh.labels.push_back(static_cast<int>(value));
   }
   const auto names = label_names_from(*grid.GetFieldData());
-  for (const int label : present) {
+  for (const int label : std::set<int>(mesh.labels.begin(), mesh.labels.end())) {
     const auto named = names.find(label);
     mesh.label_names[label] = named == names.end() ? fmt::format("label_{}", label) : named->second;
   }
@@ -141,9 +165,7 @@ void read_cell_data(vtkUnstructuredGrid& grid, TetMesh& mesh) {
   }
 }
 
-}  // namespace
-
-TetMesh read_vtu(const std::filesystem::path& path) {
+vtkSmartPointer<vtkUnstructuredGrid> read_grid(const std::filesystem::path& path) {
   const VtkMessages messages;
   vtkNew<vtkXMLUnstructuredGridReader> reader;
   reader->SetFileName(path.c_str());
@@ -156,13 +178,32 @@ TetMesh read_vtu(const std::filesystem::path& path) {
         messages.first().empty() ? "not readable as a VTK XML unstructured grid" : messages.first(),
         "a whole .vtu file");
   }
-  TetMesh mesh;
-  read_points(path, *grid, mesh);
-  read_tets(path, *grid, mesh);
+  return grid;
+}
+
+ForeignMesh read_as_it_stands(const std::filesystem::path& path, vtkUnstructuredGrid& grid,
+                              bool foreign) {
+  ForeignMesh read;
+  std::vector<vtkIdType> cells;
+  read_points(path, grid, read.mesh);
+  read_tets(path, grid, foreign, read.mesh, cells);
+  read.cells_skipped = static_cast<std::size_t>(grid.GetNumberOfCells()) - cells.size();
+  read_labels(path, grid, foreign, cells, read);
+  return read;
+}
+
+}  // namespace
+
+TetMesh read_vtu(const std::filesystem::path& path) {
+  const auto grid = read_grid(path);
+  TetMesh mesh = read_as_it_stands(path, *grid, false).mesh;
   orient(path, mesh);
-  read_labels(path, *grid, mesh);
   read_cell_data(*grid, mesh);
   return mesh;
+}
+
+ForeignMesh read_foreign_vtu(const std::filesystem::path& path) {
+  return read_as_it_stands(path, *read_grid(path), true);
 }
 
 void write_vtu(const std::filesystem::path& path, const TetMesh& mesh) {

@@ -8,17 +8,19 @@
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/yaml_file.hpp"
+#include "stages/common/material_params.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
 namespace {
 
 const std::vector<Param>& material_params() {
-  static const std::vector<Param> params = {
-      quantity("E", nullptr, "Pa", 1e-3, 1e13, "Young's modulus"),
-      quantity("nu", nullptr, "1", -0.99, 0.499999, "Poisson's ratio"),
-      quantity("density", nullptr, "kg/m3", 1e-3, 1e5, "mass per volume"),
-      quantity("damping", "0 s", "s", 0.0, 1e4, "relaxation time of a Kelvin-Voigt solid")};
+  static const std::vector<Param> params = [] {
+    auto list = elastic_params();
+    list.push_back(
+        quantity("damping", "0 s", "s", 0.0, 1e4, "relaxation time of a Kelvin-Voigt solid"));
+    return list;
+  }();
   return params;
 }
 

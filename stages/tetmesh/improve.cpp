@@ -14,6 +14,12 @@ constexpr int edge_ends[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}
 // The first rounds work on all tets below the goal; later ones, when little is left to gain there,
 // on the worse ones alone, and without relief of busy points, which would undo their work.
 constexpr int broad_rounds = 4;
+constexpr double late_goal = 0.8;  // as a part of the goal
+
+// Raising the mean: tets below `fair` have their edges swapped, points whose tets are better than
+// `good` on average (those of the inner lattice are) stay where they are.
+constexpr double fair = 0.6, good = 0.8;
+constexpr int settling_sweeps = 5, sharing_sweep = 2;
 
 class Improver {
  public:
@@ -22,17 +28,20 @@ class Improver {
 
   Improved run() {
     result_.worst_before = worst();
+    settle_all();
     smooth_all();
     for (int round = 0; round < options_.rounds; ++round) {
       log::check_interrupt();
-      if (options_.progress) options_.progress(1.0 * round / options_.rounds);
+      if (options_.progress) options_.progress(0.8 * round / options_.rounds);
       if (round < broad_rounds) {
-        relieve_busy();
+        relieve_busy(options_.poor);
       } else {
-        goal_ = 0.8 * options_.goal;
+        goal_ = late_goal * options_.goal;
       }
       if (!work_on_worst() && round >= broad_rounds) break;
     }
+    if (options_.progress) options_.progress(0.8);
+    raise_mean();
     result_.worst_after = worst();
     return result_;
   }
@@ -135,13 +144,50 @@ class Improver {
     return false;
   }
 
-  // Busy points first lose edges as far as quality allows; the rest of the work then goes on.
-  void relieve_busy() {
+  // Busy points lose edges as far as quality allows; the rest of the work then goes on.
+  void relieve_busy(double floor) {
     for (std::size_t p = 0; p < mesh_.points().size(); ++p) {
       const int point = static_cast<int>(p);
-      while (static_cast<int>(mesh_.star(point).size()) > options_.valence &&
-             relieve(mesh_, point, options_.poor))
+      while (mesh_.is_busy(point) && relieve(mesh_, point, floor)) ++result_.edges_removed;
+    }
+  }
+
+  // What is left after that gets a neighbour which takes part of its tets. None of this may make
+  // the mesh worse than its worst tet is.
+  void share_busy() {
+    const double floor = std::min(options_.poor, worst());
+    relieve_busy(floor);
+    for (std::size_t p = 0; p < mesh_.points().size(); ++p)
+      while (mesh_.is_busy(static_cast<int>(p)) && share_star(mesh_, static_cast<int>(p), floor))
+        ++result_.shared;
+  }
+
+  // The worst tets decide the time step, the others the accuracy: once nothing more is gained for
+  // the former, edges are swapped and points moved for the mean.
+  void raise_mean() {
+    for (std::size_t t = 0; t < mesh_.tets().size(); ++t)
+      if (mesh_.alive(static_cast<int>(t)) && mesh_.quality(static_cast<int>(t)) < fair)
+        swap_an_edge(mesh_.tets()[t]);
+    for (int sweep = 0; sweep < settling_sweeps; ++sweep) {
+      if (sweep == sharing_sweep) share_busy();
+      log::check_interrupt();
+      settle_all();
+    }
+  }
+
+  void swap_an_edge(const Tet& corners) {
+    for (const auto& ends : edge_ends)
+      if (swap_edge(mesh_, corners[ends[0]], corners[ends[1]], options_.goal)) {
         ++result_.edges_removed;
+        return;
+      }
+  }
+
+  void settle_all() {
+    for (std::size_t p = 0; p < mesh_.points().size(); ++p) {
+      const int point = static_cast<int>(p);
+      if (!mesh_.star(point).empty() && mesh_.mean(mesh_.star(point)) < good)
+        result_.moves += settle(mesh_, point, options_.goal);
     }
   }
 
@@ -155,7 +201,7 @@ class Improver {
 }  // namespace
 
 Improved improve(TetMesh& mesh, const Projector& project, const ImproveOptions& options) {
-  Stars stars(mesh, project);
+  Stars stars(mesh, project, options.valence);
   const Improved result = Improver(stars, options).run();
   stars.extract(mesh);
   return result;

@@ -1,6 +1,7 @@
 // Better tets from the same materials: edge removal, face flips, smoothing and edge collapse, worst
-// tets first. A change is only made when it raises the worst quality of the tets it touches, so no
-// tet ever inverts, materials stay conforming and the boundary stays manifold. Vertices on the
+// tets first, then the mean. A change is only made when it raises the worst quality of the tets it
+// touches, or their mean while the worst stays good, so no tet ever inverts, materials stay
+// conforming and the boundary stays manifold. Vertices on the
 // boundary or on interfaces slide, and are put back onto their surface by the caller's projector.
 // Fixed orders throughout: the same mesh in gives the same mesh out. Lengths in mm.
 //
@@ -22,7 +23,8 @@ struct ImproveOptions {
 };
 
 struct Improved {
-  std::size_t edges_removed = 0, faces_flipped = 0, moves = 0, collapses = 0, splits = 0;
+  std::size_t edges_removed = 0, faces_flipped = 0, moves = 0, collapses = 0, splits = 0,
+              shared = 0;                        // busy points that got a neighbour to take tets
   double worst_before = 0.0, worst_after = 0.0;  // quality
 };
 

@@ -87,6 +87,7 @@ bool collapse_edge(Stars& mesh, int gone, int kept) {
     if (mesh.quality_of(tet) <= bar) return false;
     fresh.push_back({tet, mesh.label(t)});
   }
+  if (bar > crowding_bar && mesh.crowds(mesh.star(gone), fresh)) return false;
   const Ring ring = mesh.ring(gone, kept);
   if (fresh.empty() || !may_collapse(mesh, ring, gone, kept, bar)) return false;
   mesh.replace(std::vector<int>(mesh.star(gone)), fresh);

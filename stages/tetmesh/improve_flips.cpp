@@ -10,6 +10,7 @@ namespace {
 
 constexpr std::size_t max_ring = 10;
 constexpr double gain = 1e-9;
+constexpr double mean_gain = 0.02;  // less is not worth the change
 using Tets = std::vector<std::pair<Tet, int>>;
 
 struct Filling {
@@ -136,6 +137,12 @@ bool may_swap(const Stars& mesh, int a, int b, const Around& around, const Leewa
          std::max(off_surface(mesh, a, b, labels), allowed.distance * mesh.size(a));
 }
 
+std::vector<int> tets_of(const Ring& ring) {
+  std::vector<int> tets;
+  for (const Arc& arc : ring.arcs) tets.push_back(arc.tet);
+  return tets;
+}
+
 // The tets in place of those around (a, b), when the worst of them is above `bar`.
 std::optional<Filling> without_edge(const Stars& mesh, int a, int b, const Ring& ring, double bar) {
   const std::size_t n = ring.arcs.size();
@@ -155,19 +162,27 @@ std::optional<Filling> without_edge(const Stars& mesh, int a, int b, const Ring&
   return filling;
 }
 
-std::vector<int> tets_of(const Ring& ring) {
-  std::vector<int> tets;
-  for (const Arc& arc : ring.arcs) tets.push_back(arc.tet);
-  return tets;
-}
-
 }  // namespace
 
 bool remove_edge(Stars& mesh, int a, int b) {
   const Ring ring = mesh.ring(a, b);
   const auto old = tets_of(ring);
-  const auto filling = without_edge(mesh, a, b, ring, std::max(mesh.worst(old), 0.0) + gain);
-  if (!filling) return false;
+  const double bar = std::max(mesh.worst(old), 0.0) + gain;
+  const auto filling = without_edge(mesh, a, b, ring, bar);
+  if (!filling || (bar > crowding_bar && mesh.crowds(old, filling->tets))) return false;
+  mesh.replace(old, filling->tets);
+  return true;
+}
+
+bool swap_edge(Stars& mesh, int a, int b, double floor) {
+  const Ring ring = mesh.ring(a, b);
+  const auto old = tets_of(ring);
+  if (old.empty()) return false;
+  const auto filling = without_edge(mesh, a, b, ring, std::min(mesh.worst(old), floor));
+  if (!filling || filling->tets.empty() || mesh.crowds(old, filling->tets)) return false;
+  double sum = 0.0;
+  for (const auto& [tet, label] : filling->tets) sum += mesh.quality_of(tet);
+  if (sum / static_cast<double>(filling->tets.size()) <= mesh.mean(old) + mean_gain) return false;
   mesh.replace(old, filling->tets);
   return true;
 }
@@ -194,6 +209,7 @@ bool flip_face(Stars& mesh, int tet, int corner) {
       fresh.push_back({made, mesh.label(tet)});
     }
     if (mesh.has_edge(apex, across)) return false;
+    if (bar > crowding_bar && mesh.crowds({tet, other}, fresh)) return false;
     mesh.replace({tet, other}, fresh);
     return true;
   }

@@ -1,7 +1,8 @@
 // Moving one vertex so that the worst tet around it gets better. The worst quality is a minimum of
 // smooth functions: the direction that raises all nearly-worst ones fastest is the point of the
 // convex hull of their gradients nearest to the origin. On a surface the gradients are taken along
-// it and every trial place is put back onto it.
+// it and every trial place is put back onto it. Where the worst is good enough, the mean over the
+// tets around the vertex is raised by plain steps along its gradient.
 #include <algorithm>
 
 #include "stages/tetmesh/improve_stars.hpp"
@@ -14,6 +15,10 @@ constexpr int max_halvings = 7;
 constexpr double nearly_worst = 0.03;
 constexpr double first_step = 0.25;  // of the local size
 constexpr double smallest_gain = 1e-4;
+// A first step for the mean goes as far as would raise it by this were it linear, but not beyond
+// this part of the local size.
+constexpr double settling = 0.09, longest_settling = 0.2;
+constexpr int settling_trials = 4;
 
 // Forward differences; the step is far above rounding and far below the size of a tet.
 Vec gradient(const Stars& mesh, int tet, int point, const Vec& place) {
@@ -70,42 +75,89 @@ Vec ascent(const Stars& mesh, int point, double worst, const std::vector<Vec>& n
   return nearest_to_origin(slopes);
 }
 
+// What a point may do: go anywhere inside its material, or slide along the surfaces it lies on.
+class Freedom {
+ public:
+  Freedom(const Stars& mesh, int point) : mesh_(mesh), labels_(mesh.labels_at(point)) {
+    able_ = !labels_.empty() && mesh.movable(point) && reach(mesh.points()[point]);
+  }
+  bool able() const { return able_; }
+  const std::vector<Vec>& normals() const { return normals_; }
+
+  // The place that it gets to when sent to `place`, and the surface's normals there.
+  std::optional<Vec> reach(const Vec& place) {
+    if (labels_.size() < 2) return place;
+    const auto contact = mesh_.project()(place, labels_);
+    if (!contact) return std::nullopt;
+    normals_ = contact->normals;
+    return contact->point;
+  }
+
+ private:
+  const Stars& mesh_;
+  std::vector<int> labels_;
+  std::vector<Vec> normals_;
+  bool able_ = false;
+};
+
+// The sum of the qualities around the point at another place; nothing when one falls below `bar`.
+std::optional<double> sum_at(const Stars& mesh, int point, const Vec& place, double bar) {
+  double sum = 0.0;
+  for (const int t : mesh.star(point)) {
+    const double quality = mesh.quality_at(mesh.tets()[t], point, place);
+    if (quality < bar) return std::nullopt;
+    sum += quality;
+  }
+  return sum;
+}
+
 }  // namespace
 
 bool smooth(Stars& mesh, int point) {
-  const auto labels = mesh.labels_at(point);
-  if (labels.empty() || !mesh.movable(point)) return false;
-  const bool free = labels.size() < 2;
-  std::vector<Vec> normals;
-  if (!free) {
-    const auto contact = mesh.project()(mesh.points()[point], labels);
-    if (!contact) return false;
-    normals = contact->normals;
-  }
+  Freedom freedom(mesh, point);
+  if (!freedom.able()) return false;
   bool moved = false;
   for (int step = 0; step < max_steps; ++step) {
     const double worst = mesh.worst(mesh.star(point));
-    const Vec direction = ascent(mesh, point, worst, normals);
+    const Vec direction = ascent(mesh, point, worst, freedom.normals());
     const double slope = norm(direction);
     if (slope * mesh.size(point) < 1e-3) break;
     double length = first_step * mesh.size(point);
     bool better = false;
     for (int halving = 0; halving < max_halvings && !better; ++halving, length *= 0.5) {
-      Vec place = add(mesh.points()[point], scale(length / slope, direction));
-      std::optional<Contact> contact;
-      if (!free) {
-        contact = mesh.project()(place, labels);
-        if (!contact) continue;
-        place = contact->point;
-      }
-      if (worst_at(mesh, point, place, worst + smallest_gain) <= worst + smallest_gain) continue;
-      mesh.move(point, place);
-      if (!free) normals = contact->normals;
+      const auto place = freedom.reach(add(mesh.points()[point], scale(length / slope, direction)));
+      if (!place) continue;
+      if (worst_at(mesh, point, *place, worst + smallest_gain) <= worst + smallest_gain) continue;
+      mesh.move(point, *place);
       better = moved = true;
     }
     if (!better) break;
   }
   return moved;
+}
+
+bool settle(Stars& mesh, int point, double floor) {
+  Freedom freedom(mesh, point);
+  if (!freedom.able()) return false;
+  const auto& star = mesh.star(point);
+  const double tets = static_cast<double>(star.size()), size = mesh.size(point);
+  const double bar = std::min(mesh.worst(star), floor), sum = tets * mesh.mean(star);
+  Vec direction{};
+  for (const int t : star)
+    direction = add(direction, gradient(mesh, t, point, mesh.points()[point]));
+  direction = along(direction, freedom.normals());
+  const double slope = norm(direction);
+  if (!(slope * size > 1e-3 * tets)) return false;
+  double length = std::min(longest_settling * size, settling * tets / slope);
+  for (int trial = 0; trial < settling_trials; ++trial, length *= 0.4) {
+    const auto place = freedom.reach(add(mesh.points()[point], scale(length / slope, direction)));
+    if (!place) continue;
+    const auto found = sum_at(mesh, point, *place, bar);
+    if (!found || *found <= sum + smallest_gain * tets) continue;
+    mesh.move(point, *place);
+    return true;
+  }
+  return false;
 }
 
 }  // namespace viscera

@@ -80,7 +80,7 @@ double tet_quality(const Vec& a, const Vec& b, const Vec& c, const Vec& d, doubl
                    altitude_weight * altitude / (best_altitude * size), 1.0});
 }
 
-Stars::Stars(const TetMesh& mesh, const Projector& project)
+Stars::Stars(const TetMesh& mesh, const Projector& project, int valence)
     : points_(mesh.points),
       tets_(mesh.tets),
       labels_(mesh.labels),
@@ -89,6 +89,7 @@ Stars::Stars(const TetMesh& mesh, const Projector& project)
       boundary_(mesh.points.size(), 0),
       movable_(mesh.points.size(), 1),
       stamps_(mesh.points.size(), 0),
+      valence_(valence),
       project_(project) {
   for (std::size_t t = 0; t < tets_.size(); ++t)
     for (const int corner : tets_[t]) stars_[corner].push_back(static_cast<int>(t));
@@ -142,6 +143,27 @@ double Stars::worst(const std::vector<int>& tets) const {
   double low = no_quality;
   for (const int t : tets) low = std::min(low, quality_[t]);
   return low;
+}
+
+double Stars::mean(const std::vector<int>& tets) const {
+  double sum = 0.0;
+  for (const int t : tets) sum += quality_[t];
+  return sum / static_cast<double>(tets.size());
+}
+
+bool Stars::crowds(const std::vector<int>& old,
+                   const std::vector<std::pair<Tet, int>>& fresh) const {
+  const int most = 2 * static_cast<int>(fresh.size());  // that a point can get by any change
+  for (const auto& [tet, label] : fresh)
+    for (const int point : tet) {
+      const int before = static_cast<int>(stars_[point].size());
+      if (before + most <= valence_) continue;
+      int more = 0;
+      for (const auto& [other, ignored] : fresh) more += holds(other, point);
+      for (const int t : old) more -= holds(tets_[t], point);
+      if (more > 0 && before + more > valence_) return true;
+    }
+  return false;
 }
 
 std::vector<int> Stars::labels_at(int point) const {

@@ -25,7 +25,8 @@ struct Ring {
 
 class Stars {
  public:
-  Stars(const TetMesh& mesh, const Projector& project);
+  // `valence`: tets around a point beyond which changes avoid to go.
+  Stars(const TetMesh& mesh, const Projector& project, int valence = 40);
 
   // The tets that are left and their points, in order of first use.
   void extract(TetMesh& mesh) const;
@@ -44,6 +45,13 @@ class Stars {
   double quality_of(const Tet& tet) const;
   double quality_at(const Tet& tet, int point, const Vec& place) const;
   double worst(const std::vector<int>& tets) const;
+  double mean(const std::vector<int>& tets) const;
+
+  // Whether a point that is busy, or would be, gets more tets by this change.
+  bool crowds(const std::vector<int>& old, const std::vector<std::pair<Tet, int>>& fresh) const;
+  bool is_busy(int point, int more = 0) const {
+    return static_cast<int>(stars_[point].size()) + more > valence_;
+  }
 
   // The labels that meet at a point, ascending, 0 first on the boundary.
   std::vector<int> labels_at(int point) const;
@@ -75,6 +83,7 @@ class Stars {
   std::vector<char> boundary_, movable_;
   std::vector<long> stamps_;
   long now_ = 0;
+  int valence_;
   const Projector& project_;
 };
 
@@ -94,17 +103,25 @@ inline Leeway leeway(double quality) {
 
 constexpr double no_quality = std::numeric_limits<double>::max();  // of no tets at all
 
+// A change that mends nothing worse than this must not crowd a point.
+constexpr double crowding_bar = 0.28;
+
 // The operations. Each makes the change and returns true only when the worst quality of the tets
 // that it touches rises (by more than rounding).
 bool remove_edge(Stars& mesh, int a, int b);
 bool flip_face(Stars& mesh, int tet, int corner);  // the face opposite that corner: two tets to 3
 bool smooth(Stars& mesh, int point);
 bool collapse_edge(Stars& mesh, int gone, int kept);  // moves `gone` onto `kept`
-
 bool split_edge(Stars& mesh, int a, int b);  // inside one material; the new point is smoothed first
 
-// Removes an edge at a busy point even when that lowers the worst quality, as long as that stays
-// above `floor`.
+// These raise the mean quality of the tets that they touch, while the worst of them stays above
+// `floor` or does not fall.
+bool settle(Stars& mesh, int point, double floor);
+bool swap_edge(Stars& mesh, int a, int b, double floor);
+
+// These take tets from a busy point, as long as the worst quality they touch stays above `floor`:
+// by removing one of its edges, or by a new point beside it that takes over part of its star.
 bool relieve(Stars& mesh, int point, double floor);
+bool share_star(Stars& mesh, int point, double floor);
 
 }  // namespace viscera

@@ -10,6 +10,7 @@
 #include "stages/common/image_io.hpp"
 #include "stages/common/label_components.hpp"
 #include "stages/common/surface_io.hpp"
+#include "stages/tetmesh/hxt.hpp"
 #include "stages/tetmesh/measure.hpp"
 #include "stages/tetmesh/order.hpp"
 #include "stages/tetmesh/project_fields.hpp"
@@ -18,6 +19,8 @@ namespace viscera {
 namespace {
 
 constexpr double absurd_tets = 20e6;
+// Measured on livers of 10,000 to 1.1 million tets by both routes, as peaks of the whole stage.
+constexpr double program_bytes = 80e6, bytes_per_tet = 650.0, bytes_per_voxel = 12.0;
 constexpr int trial_rounds = 2;  // of improvement: enough to know volumes and the number of tets
 constexpr int search_tries = 8;
 constexpr double search_tolerance = 0.03;
@@ -33,10 +36,8 @@ Error bad_route(std::string found, std::string remedy) {
                                       .remedy = std::move(remedy)});
 }
 
-// The one surface that bounds the body.
 SurfaceMesh body_surface(const SurfaceMesh& all, const std::string& file) {
-  if (all.label_names.size() == 1) return all;
-  if (all.label_names.count(body_label)) return extract(all, body_label);
+  if (auto body = body_of(all)) return std::move(*body);
   throw Error(ExitCode::bad_input,
               {.where = file,
                .field = "CellData/label",
@@ -47,6 +48,12 @@ SurfaceMesh body_surface(const SurfaceMesh& all, const std::string& file) {
 }
 
 }  // namespace
+
+std::optional<SurfaceMesh> body_of(const SurfaceMesh& all) {
+  if (all.label_names.size() == 1) return all;
+  if (all.label_names.count(body_label)) return extract(all, body_label);
+  return std::nullopt;
+}
 
 MeshJob::MeshJob(const StageRun& run) {
   const auto route = run.param<std::string>("route");
@@ -63,7 +70,14 @@ MeshJob::MeshJob(const StageRun& run) {
               .radius_edge = run.param<double>("radius_edge")};
   lattice_ = run.param<double>("lattice");
   const auto improver = run.param<std::string>("improve");
-  improve_ = improver == "own";
+  improve_ = improver == "own" || improver == "auto";
+  hxt_ = run.param<std::string>("mesher") == "hxt";
+  if (hxt_ && improver == "cgal") {
+    throw Error(ExitCode::bad_config, {.where = "parameters",
+                                       .field = "improve",
+                                       .found = "cgal, for tets that Mesh_3 did not make",
+                                       .allowed = "own or none with mesher: hxt"});
+  }
   slivers_ = {.perturb_and_exude = improver == "cgal", .angle = run.param<double>("sliver_angle")};
   if (labels) take_labels(run);
   if (!by_fields_) take_surface(run);
@@ -106,20 +120,21 @@ void MeshJob::take_labels(const StageRun& run) {
 }
 
 void MeshJob::take_surface(const StageRun& run) {
-  surface_file_ = run.input("surface").string();
-  surface_ = body_surface(read_vtp(run.input("surface")), surface_file_);
+  const std::string file = run.input("surface").string();
+  const SurfaceMesh surface = body_surface(read_vtp(run.input("surface")), file);
+  surface_.emplace(surface, file);
   if (fields_) return;  // volumes and names come from the labels
-  if (surface_->label_names.begin()->first == body_label) {
+  if (surface.label_names.begin()->first == body_label) {
     throw Error(ExitCode::bad_input,
-                {.where = surface_file_,
+                {.where = file,
                  .field = "CellData/label",
                  .found = "several materials, but no labels that say which is where",
                  .allowed = "one material, or --in labels as well",
                  .remedy = "add --in labels=FILE"});
   }
-  names_ = surface_->label_names;
+  names_ = surface.label_names;
   bodies_ = 0;
-  for (const auto& shell : find_shells(*surface_)) {
+  for (const auto& shell : find_shells(surface)) {
     bodies_ += shell.volume > 0.0;
     body_volume_ += shell.volume;
   }
@@ -131,13 +146,14 @@ TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
   sizing.cell_size = cell_size;
   sizing.facet_size *= cell_size;
   sizing.facet_distance *= cell_size;
-  if (by_fields_) {
-    const auto seeds = seed_interfaces(*fields_, *image_, sizing.facet_size);
-    const auto interior =
-        lattice_ > 0.0 ? seed_interior(*fields_, lattice_ * cell_size) : std::vector<Inside>();
-    return mesh_fields(*fields_, seeds, interior, sizing, slivers);
+  const double lattice = lattice_ * cell_size;
+  if (!by_fields_) {
+    const auto interior = lattice > 0.0 ? surface_->seed_interior(lattice) : std::vector<Inside>();
+    return surface_->mesh(names_.begin()->first, interior, sizing, slivers);
   }
-  return mesh_surface(*surface_, surface_file_, names_.begin()->first, sizing, slivers);
+  const auto seeds = seed_interfaces(*fields_, *image_, sizing.facet_size);
+  const auto interior = lattice > 0.0 ? seed_interior(*fields_, lattice) : std::vector<Inside>();
+  return mesh_fields(*fields_, seeds, interior, sizing, slivers);
 }
 
 void MeshJob::assign_labels(TetMesh& mesh) const {
@@ -160,10 +176,10 @@ MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
   TetMesh& mesh = result.mesh;
   mesh.label_names = names_;
   result.mended = mend_boundary(mesh, bodies_);
+  if (hxt_ && !mesh.tets.empty()) mesh = fill_with_hxt(mesh);
   if (improve_) {
-    result.improved = improve(
-        mesh, by_fields_ ? field_projector(*fields_) : surface_projector(*surface_, surface_file_),
-        options);
+    result.improved =
+        improve(mesh, by_fields_ ? field_projector(*fields_) : surface_->projector(), options);
   }
   // Only now: on the surface route the improver has the whole body to work with.
   if (!by_fields_ && fields_) assign_labels(mesh);
@@ -171,8 +187,12 @@ MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
   return result;
 }
 
+double MeshJob::expected_tets(double cell_size) const {
+  return estimate_tets(body_volume_, cell_size, lattice_ * cell_size);
+}
+
 void MeshJob::check_cell_size(double cell_size) const {
-  const double estimate = estimate_tets(body_volume_, cell_size);
+  const double estimate = expected_tets(cell_size);
   if (estimate <= absurd_tets) return;
   throw Error(ExitCode::bad_config,
               {.where = "parameters",
@@ -181,7 +201,13 @@ void MeshJob::check_cell_size(double cell_size) const {
                                     cell_size, estimate / 1e6, body_volume_ / 1000.0),
                .allowed = fmt::format("at most {:.0f} million", absurd_tets / 1e6),
                .remedy = fmt::format("use {:.2g} mm or more",
-                                     std::cbrt(5.0 * body_volume_ / absurd_tets))});
+                                     std::cbrt(expected_tets(1.0) / absurd_tets))});
+}
+
+double MeshJob::estimate_memory(double tets) const {
+  const double voxels =
+      fields_ ? static_cast<double>(fields_->frame().voxels() * (fields_->ids().size() + 1)) : 0.0;
+  return program_bytes + bytes_per_tet * tets + bytes_per_voxel * voxels;
 }
 
 std::size_t MeshJob::calibrate(double cell_size) {
@@ -209,7 +235,7 @@ std::size_t MeshJob::calibrate(double cell_size) {
 // slope between the last two tries, kept in that range, leads to the next.
 double MeshJob::find_cell_size(std::size_t target) {
   const double wanted = std::log(static_cast<double>(target));
-  double size = std::cbrt(5.0 * body_volume_ / static_cast<double>(target));
+  double size = std::cbrt(expected_tets(1.0) / static_cast<double>(target));
   double best = size, best_miss = 1e9, slope = -3.0, last_size = 0.0, last_log = 0.0;
   for (int attempt = 1; attempt <= search_tries; ++attempt) {
     check_cell_size(size);

@@ -13,6 +13,10 @@
 
 namespace viscera {
 
+// The one surface that bounds the body: the only one, or that of label 0; nothing where several
+// labels stand alone.
+std::optional<SurfaceMesh> body_of(const SurfaceMesh& all);
+
 class MeshJob {
  public:
   // Reads the inputs and settles the route; throws Error(bad_config) where they do not fit.
@@ -43,8 +47,13 @@ class MeshJob {
   // absurd number of tets.
   double find_cell_size(std::size_t target);
 
+  double expected_tets(double cell_size) const;
+
   // Throws Error(bad_config) when a cell size asks for more than 20 million tets.
   void check_cell_size(double cell_size) const;
+
+  // Bytes that meshing and judging this many tets takes, fields included.
+  double estimate_memory(double tets) const;
 
  private:
   void take_labels(const StageRun& run);
@@ -55,14 +64,14 @@ class MeshJob {
   void assign_labels(TetMesh& mesh) const;
 
   bool by_fields_ = true;
+  bool hxt_ = false;     // gmsh fills what Mesh_3 bounds
   bool improve_ = true;  // with our own improver
   Slivers slivers_;
   double lattice_ = 0.0;  // constant of the inner lattice as a multiple of the cell size
   Sizing factors_;        // facet_size and facet_distance as multiples of the cell size
   std::optional<LabelImage> image_;
   std::optional<MaterialFields> fields_;
-  std::optional<SurfaceMesh> surface_;
-  std::string surface_file_;
+  std::optional<SurfaceBody> surface_;
   double body_volume_ = 0.0;
   std::map<int, double> label_volumes_;
   std::map<int, std::string> names_;

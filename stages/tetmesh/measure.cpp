@@ -50,6 +50,16 @@ Json worst(const TetMesh& mesh, const std::vector<double>& values, bool high_is_
   return list;
 }
 
+// |A| |A^-1| / 3 in Frobenius norms, A the map from the regular tet onto the one of these edges
+// (Verdict, SAND2007-1751, section 7.6).
+double condition_number(const Vec& u, const Vec& v, const Vec& w) {
+  const Vec c1 = u, c2 = scale(1.0 / std::numbers::sqrt3, sub(scale(2.0, v), u));
+  const Vec c3 = scale(1.0 / std::sqrt(6.0), sub(scale(3.0, w), add(v, u)));
+  const Vec a = cross(c1, c2), b = cross(c2, c3), c = cross(c1, c3);
+  const double squares = dot(c1, c1) + dot(c2, c2) + dot(c3, c3);
+  return std::sqrt(squares * (dot(a, a) + dot(b, b) + dot(c, c))) / (3.0 * dot(c1, b));
+}
+
 }  // namespace
 
 const std::array<Measure, measure_count>& measures() {
@@ -59,6 +69,7 @@ const std::array<Measure, measure_count>& measures() {
       Measure{"radius_ratio", "1", 1.0, 10.0, true},
       Measure{"aspect_gamma", "1", 1.0, 10.0, true},
       Measure{"scaled_jacobian", "1", 0.0, 1.0, false},
+      Measure{"condition", "1", 1.0, 10.0, true},
       Measure{"edge_ratio", "1", 1.0, 10.0, true},
       Measure{"volume", "mm3", 0.0, 0.0, false}};  // high: the largest volume
   return table;
@@ -103,6 +114,7 @@ TetQuality measure_tet(const Vec& a, const Vec& b, const Vec& c, const Vec& d) {
                 length[1] * length[3] * length[5], length[2] * length[4] * length[5],
                 std::abs(six_volumes)});
   q[scaled_jacobian] = corner > 0.0 ? std::numbers::sqrt2 * six_volumes / corner : 0.0;
+  q[condition] = flat ? infinity : condition_number(u, v, w);
   q[edge_ratio] = *shortest > 0.0 ? *longest / *shortest : infinity;
   q[volume] = six_volumes / 6.0;
   return q;

@@ -5,8 +5,8 @@
 //   radius_ratio                 circumradius / (3 inradius); 1 is best, grows without bound
 //   aspect_gamma                 rms edge^3 / (8.4853 volume); 1 is best
 //   scaled_jacobian              sqrt(2) 6 volume / largest product of three edges at a corner; 1
-//   edge_ratio                   longest / shortest edge; 1 is best
-//   volume                       mm3
+//   condition                    Frobenius condition number of the map from a regular tet; 1 is
+//   best edge_ratio                   longest / shortest edge; 1 is best volume mm3
 #pragma once
 
 #include <array>
@@ -24,6 +24,7 @@ enum MeasureId {
   radius_ratio,
   aspect_gamma,
   scaled_jacobian,
+  condition,
   edge_ratio,
   volume,
   measure_count

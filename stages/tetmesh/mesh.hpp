@@ -2,6 +2,7 @@
 // plain arrays. One domain per translation unit, because each costs a minute of compiling.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -45,7 +46,9 @@ struct Inside {
 };
 
 // The sites of a body-centred cubic lattice of this constant that lie deeper in their material than
-// 0.6 of it: its tets are as good as Delaunay tets get (dihedral angles of 60 and 90 degrees).
+// lattice_depth of it: its tets are as good as Delaunay tets get (dihedral angles of 60 and 90
+// deg).
+constexpr double lattice_depth = 0.6;
 std::vector<Inside> seed_interior(const MaterialFields& fields, double constant);
 
 // Conforming tets of all materials, LPS mm, positively oriented.
@@ -53,15 +56,29 @@ TetMesh mesh_fields(const MaterialFields& fields, const std::vector<Seed>& seeds
                     const std::vector<Inside>& interior, const Sizing& sizing,
                     const Slivers& slivers);
 
-// Tets inside one closed surface (outer shells and cavities), LPS mm, all labelled `label`. Throws
-// Error(bad_input) naming `file` when the surface is open, not manifold or crosses itself.
-TetMesh mesh_surface(const SurfaceMesh& surface, const std::string& file, int label,
-                     const Sizing& sizing, const Slivers& slivers);
+// One closed surface: outer shells and cavities. LPS mm.
+class SurfaceBody {
+ public:
+  // Throws Error(bad_input) naming `file` when the surface is open, not manifold or crosses itself.
+  SurfaceBody(const SurfaceMesh& surface, const std::string& file);
 
-// Onto the nearest place of a closed surface, whatever the labels.
-Projector surface_projector(const SurfaceMesh& surface, const std::string& file);
+  // Lattice sites as seed_interior(fields) finds them, all labelled 1.
+  std::vector<Inside> seed_interior(double constant) const;
 
-// What Mesh_3 makes of this volume at this size, from 5 V / h^3: measured 4.5 to 5 on livers.
-double estimate_tets(double volume_mm3, double cell_size_mm);
+  // Tets inside, all labelled `label`.
+  TetMesh mesh(int label, const std::vector<Inside>& interior, const Sizing& sizing,
+               const Slivers& slivers) const;
+
+  // Onto the nearest place of the surface, whatever the labels.
+  Projector projector() const;
+
+ private:
+  struct Data;
+  std::shared_ptr<const Data> data_;
+};
+
+// What Mesh_3 makes of this volume at this size: measured 4.5 to 5 V / h^3 on livers without a
+// lattice; a lattice of constant a has 12 tets in a^3.
+double estimate_tets(double volume_mm3, double cell_size_mm, double lattice_mm);
 
 }  // namespace viscera

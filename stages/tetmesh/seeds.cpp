@@ -104,7 +104,7 @@ std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage
 
 std::vector<Inside> seed_interior(const MaterialFields& fields, double constant) {
   const Frame& frame = fields.frame();
-  const double depth = 0.6 * constant, slanted = depth / std::sqrt(3.0);
+  const double depth = lattice_depth * constant, slanted = depth / std::sqrt(3.0);
   std::vector<Point> probes;
   for (const double s : {-1.0, 1.0}) {
     for (int a = 0; a < 3; ++a) {
@@ -132,8 +132,10 @@ std::vector<Inside> seed_interior(const MaterialFields& fields, double constant)
   return inside;
 }
 
-double estimate_tets(double volume_mm3, double cell_size_mm) {
-  return 5.0 * volume_mm3 / (cell_size_mm * cell_size_mm * cell_size_mm);
+double estimate_tets(double volume_mm3, double cell_size_mm, double lattice_mm) {
+  const double by_size = 5.0 / std::pow(cell_size_mm, 3.0);
+  return volume_mm3 *
+         (lattice_mm > 0.0 ? std::max(by_size, 12.0 / std::pow(lattice_mm, 3.0)) : by_size);
 }
 
 }  // namespace viscera

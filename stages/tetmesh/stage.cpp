@@ -1,18 +1,21 @@
-// Mesh, mend, measure, write. The quality gates are judged on the mesh as written.
+// Make or take a mesh, judge it, write it. The quality gates are judged on the mesh as written.
 #include "stages/tetmesh/stage.hpp"
 
 #include <CGAL/version.h>
 #include <fmt/format.h>
 
-#include <cmath>
+#include <ctime>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
-#include "stages/common/tet_io.hpp"
+#include "stages/common/surface_io.hpp"
+#include "stages/tetmesh/export.hpp"
+#include "stages/tetmesh/gmsh_session.hpp"
+#include "stages/tetmesh/import.hpp"
 #include "stages/tetmesh/job.hpp"
-#include "stages/tetmesh/measure.hpp"
-#include "stages/tetmesh/topology.hpp"
+#include "stages/tetmesh/judge.hpp"
+#include "stages/tetmesh/watchdog.hpp"
 
 namespace viscera {
 namespace {
@@ -25,7 +28,7 @@ std::vector<Param> params() {
        .choices = {"auto", "fields", "surface"},
        .doc =
            "fields: all materials from the labels, sharing their interfaces; surface: inside the "
-           "given surface; auto: fields when labels are given"},
+           "given surface; auto: fields when labels are given. A given mesh is taken as it is"},
       quantity("cell_size", "8 mm", "mm", 0.05, 500.0, "bound on the circumradius of a tet"),
       {.name = "target_tets",
        .type = ParamType::integer,
@@ -39,10 +42,9 @@ std::vector<Param> params() {
                "largest distance of a facet from the surface, as a multiple of the cell size"),
       quantity("facet_angle", "25 deg", "deg", 0.0, 30.0, "smallest angle of a surface facet"),
       quantity("radius_edge", 3.0, "1", 2.0, 10.0, "bound on circumradius over shortest edge"),
-      quantity(
-          "lattice", 1.4, "1", 0.0, 1.75,
-          "constant of the body-centred cubic lattice that fills the inside (route fields), as "
-          "a multiple of the cell size; 0: none"),
+      quantity("lattice", 1.25, "1", 0.0, 1.75,
+               "constant of the body-centred cubic lattice that fills the inside, as a multiple of "
+               "the cell size; 0: none"),
       quantity("sigma", nullptr, "mm", 0.01, 20.0,
                "Gaussian on the labels (route fields); unset: 0.8 of the largest voxel spacing"),
       {.name = "volume_passes",
@@ -51,80 +53,52 @@ std::vector<Param> params() {
        .lo = 0.0,
        .hi = 10.0,
        .doc = "trial meshes from which the materials' volumes are calibrated (route fields)"},
+      {.name = "mesher",
+       .type = ParamType::text,
+       .fallback = "cgal",
+       .choices = {"cgal", "hxt"},
+       .doc = "cgal: Mesh_3; hxt: gmsh's HXT between the boundary and interfaces of Mesh_3"},
       {.name = "improve",
        .type = ParamType::text,
-       .fallback = "own",
-       .choices = {"own", "cgal", "none"},
+       .fallback = "auto",
+       .choices = {"auto", "own", "cgal", "none"},
        .doc = "own: edge removal, flips, smoothing and collapse, worst tets first; cgal: Mesh_3's "
-              "perturbation and exudation of slivers; none: as refined"},
+              "perturbation and exudation of slivers; none: as refined or given; auto: own, but "
+              "none for a given mesh"},
       quantity("sliver_angle", "10 deg", "deg", 0.0, 70.0,
                "dihedral angle below which improve: cgal works on a tet"),
+      {.name = "time_limit",
+       .type = ParamType::real,
+       .fallback = "120 min",
+       .unit = "s",
+       .lo = 0.01,
+       .hi = 1e6,
+       .doc = "meshing that takes longer is ended (exit 75)",
+       .in_key = false},
+      {.name = "formats",
+       .type = ParamType::list,
+       .fallback = Json::array({"vtu"}),
+       .doc = "files to write: vtu (always), msh, inp, feb"},
+      {.name = "materials",
+       .type = ParamType::map,
+       .fallback = Json::object(),
+       .doc = "for inp and feb: {label name: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3}}"},
       quantity("min_dihedral", "10 deg", "deg", 0.0, 70.0, "gate: smallest dihedral angle"),
       quantity("max_volume_error", "2 %", "1", 0.0, 1.0,
                "gate: volume of the body against its input"),
       quantity("max_label_error", "10 %", "1", 0.0, 1.0,
                "gate: volume of each label against its own"),
+      quantity("max_distance", nullptr, "mm", 0.0, 1e3,
+               "gate, where a surface is given: largest distance between it and the mesh, either "
+               "way; unset: only reported"),
   };
 }
 
-struct LabelTotal {
-  std::size_t tets = 0;
-  double volume = 0.0;  // mm3
-};
-
-std::map<int, LabelTotal> totals(const TetMesh& mesh, const std::vector<TetQuality>& quality) {
-  std::map<int, LabelTotal> sums;
-  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
-    auto& sum = sums[mesh.labels[t]];
-    ++sum.tets;
-    sum.volume += quality[t][volume];
-  }
-  return sums;
-}
-
-Json volumes(StageRun& run, const MeshJob& job, const std::map<int, LabelTotal>& sums) {
-  Json list = Json::array();
-  double body = 0.0;
-  for (const auto& [id, wanted] : job.label_volumes()) {
-    const auto found = sums.find(id);
-    const LabelTotal sum = found == sums.end() ? LabelTotal{} : found->second;
-    const double error = sum.volume / wanted - 1.0;
-    body += sum.volume;
-    const std::string& name = job.names().at(id);
-    log::info("{}: {} tets, {:.2f} ml ({:+.2f} %)", name, sum.tets, sum.volume / 1000.0,
-              100.0 * error);
-    run.gate(name + ".volume_error", std::abs(error), "<=", run.param<double>("max_label_error"));
-    list.push_back({{"name", name},
-                    {"id", id},
-                    {"tets", sum.tets},
-                    {"ml", sum.volume / 1000.0},
-                    {"input_ml", wanted / 1000.0},
-                    {"volume_error", error}});
-  }
-  const double error = body / job.body_volume() - 1.0;
-  run.gate("volume_error", std::abs(error), "<=", run.param<double>("max_volume_error"));
-  return {{"ml", body / 1000.0},
-          {"input_ml", job.body_volume() / 1000.0},
-          {"volume_error", error},
-          {"labels", list}};
-}
-
-Json topology_json(const Topology& found, const Mended& mended) {
-  return {{"inverted", found.inverted},
-          {"duplicate_tets", found.duplicate_tets},
-          {"duplicate_points", found.duplicate_points},
-          {"stray_points", found.stray_points},
-          {"overfull_faces", found.overfull_faces},
-          {"boundary_triangles", found.boundary_triangles},
-          {"non_manifold_edges", found.non_manifold_edges},
-          {"non_manifold_points", found.non_manifold_points},
-          {"components", found.components},
-          {"component_tets", found.component_tets},
-          {"mended",
-           {{"islands", mended.islands},
-            {"island_tets", mended.island_tets},
-            {"island_ml", mended.island_volume / 1000.0},
-            {"tets_removed", mended.tets_removed}}}};
+Json mended_json(const Mended& mended) {
+  return {{"islands", mended.islands},
+          {"island_tets", mended.island_tets},
+          {"island_ml", mended.island_volume / 1000.0},
+          {"tets_removed", mended.tets_removed}};
 }
 
 Json improved_json(const Improved& improved) {
@@ -133,19 +107,16 @@ Json improved_json(const Improved& improved) {
           {"moves", improved.moves},
           {"collapses", improved.collapses},
           {"splits", improved.splits},
+          {"shared", improved.shared},
           {"worst_before", improved.worst_before},
           {"worst_after", improved.worst_after}};
 }
 
-void gate_topology(StageRun& run, const Topology& found, std::size_t bodies) {
-  const auto count = [](std::size_t n) { return static_cast<double>(n); };
-  run.gate("inverted", count(found.inverted), "<=", 0.0);
-  run.gate("duplicates", count(found.duplicate_tets + found.duplicate_points), "<=", 0.0);
-  run.gate("stray_points", count(found.stray_points), "<=", 0.0);
-  run.gate("non_manifold",
-           count(found.non_manifold_edges + found.non_manifold_points + found.overfull_faces),
-           "<=", 0.0);
-  run.gate("components", count(found.components), "<=", count(bodies));
+Json repairs_json(const Repairs& repairs) {
+  return {{"cells_skipped", repairs.cells_skipped},    {"points_merged", repairs.points_merged},
+          {"tets_collapsed", repairs.tets_collapsed},  {"duplicate_tets", repairs.duplicate_tets},
+          {"tets_turned", repairs.tets_turned},        {"stray_points", repairs.stray_points},
+          {"tets_relabelled", repairs.tets_relabelled}};
 }
 
 void add_cell_data(TetMesh& mesh, const std::vector<TetQuality>& quality) {
@@ -155,19 +126,53 @@ void add_cell_data(TetMesh& mesh, const std::vector<TetQuality>& quality) {
   }
 }
 
-void run_tetmesh(StageRun& run) {
-  MeshJob job(run);
-  const bool searched = run.has_param("target_tets");
-  double cell_size = run.param<double>("cell_size");
-  if (searched) cell_size = job.find_cell_size(run.param<std::size_t>("target_tets"));
+// The finished mesh, what it is judged against, and how it came about.
+struct Made {
+  TetMesh mesh;
+  Wanted wanted;
+  Json how;
+};
+
+void report_mended(const Mended& mended) {
+  if (mended.islands > 0) {
+    log::warn(
+        "{} pieces of {} tets and {:.3g} ml hung on parts too thin for the cell size: dropped",
+        mended.islands, mended.island_tets, mended.island_volume / 1000.0);
+  }
+  if (mended.tets_removed > 0)
+    log::info("boundary made manifold by removing {} tets", mended.tets_removed);
+}
+
+double expected_tets(const StageRun& run, const MeshJob& job) {
+  if (run.has_param("target_tets")) return run.param<double>("target_tets");
+  const double cell_size = run.param<double>("cell_size");
   job.check_cell_size(cell_size);
-  const int passes = searched || !job.by_fields() ? 0 : run.param<int>("volume_passes");
+  return job.expected_tets(cell_size);
+}
+
+double settle_cell_size(const StageRun& run, MeshJob& job) {
+  if (run.has_param("target_tets"))
+    return job.find_cell_size(run.param<std::size_t>("target_tets"));
+  const double cell_size = run.param<double>("cell_size");
+  const int passes = job.by_fields() ? run.param<int>("volume_passes") : 0;
   for (int pass = 0; pass < passes; ++pass) {
     log::progress("tets", 0.3 * pass / passes, "calibrating volumes");
     job.calibrate(cell_size);
   }
+  return cell_size;
+}
+
+Made make_mesh(StageRun& run) {
+  MeshJob job(run);
+  read_materials(run.params().at("materials"), job.names());  // before the work, not after it
+  const double tets = expected_tets(run, job), memory = job.estimate_memory(tets);
+  log::info("expecting about {:.0f} thousand tets and {:.0f} MB", tets / 1e3, memory / 1e6);
+  const Watchdog watchdog(run.param<double>("time_limit"), memory, run.out(""));
+  const double cell_size = settle_cell_size(run, job);
   log::progress("tets", 0.3, "refining");
+  const std::clock_t begin = std::clock();  // the mesher has one thread: CPU time is its own
   auto [mesh, mended, improved] = job.mesh(cell_size);
+  run.machine_metric("meshing", static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC, "s");
   log::progress("tets", 1.0);
   if (mesh.tets.empty()) {
     throw Error(ExitCode::bad_config, {.where = "parameters",
@@ -176,52 +181,72 @@ void run_tetmesh(StageRun& run) {
                                                             cell_size, job.body_volume() / 1000.0),
                                        .remedy = "use a smaller cell size"});
   }
-  if (mended.islands > 0) {
-    log::warn(
-        "{} pieces of {} tets and {:.3g} ml hung on parts too thin for the cell size: dropped",
-        mended.islands, mended.island_tets, mended.island_volume / 1000.0);
-  }
-  if (mended.tets_removed > 0)
-    log::info("boundary made manifold by removing {} tets", mended.tets_removed);
-  const auto quality = measure(mesh);
-  const Topology found = inspect(mesh);
-  const Json summary = summarise(mesh, quality);
-  const double smallest = summary["dihedral_min"]["min"], mean = summary["dihedral_min"]["mean"];
-  log::info("{} tets, {} points, cell size {:.3g} mm, dihedral min {:.2f} deg, mean {:.1f} deg",
-            mesh.tets.size(), mesh.points.size(), cell_size, smallest, mean);
-
-  Json report{{"tets", mesh.tets.size()},
-              {"points", mesh.points.size()},
-              {"route", job.by_fields() ? "fields" : "surface"},
-              {"cell_size_mm", cell_size}};
-  report["volume"] = volumes(run, job, totals(mesh, quality));
-  report["topology"] = topology_json(found, mended);
-  if (improved) report["improved"] = improved_json(*improved);
-  report["smoothness"] = volume_smoothness(mesh, quality);
-  report["measures"] = summary;
+  report_mended(mended);
+  log::info("cell size {:.3g} mm", cell_size);
+  run.metric("cell_size", cell_size, "mm");
+  Made made{.mesh = std::move(mesh),
+            .wanted = {.label_volumes = job.label_volumes(),
+                       .body_volume = job.body_volume(),
+                       .bodies = job.bodies()},
+            .how = {{"route", job.by_fields() ? "fields" : "surface"},
+                    {"cell_size_mm", cell_size},
+                    {"mended", mended_json(mended)}}};
+  if (run.has_param("target_tets")) made.wanted.tets = run.param<double>("target_tets");
+  if (improved) made.how["improved"] = improved_json(*improved);
   if (job.fields()) {
     Json biases = Json::object();
     for (std::size_t l = 0; l < job.fields()->ids().size(); ++l)
       biases[job.names().at(job.fields()->ids()[l])] = job.fields()->biases()[l];
-    report["fields"] = {{"body_level", job.fields()->level()}, {"biases", biases}};
+    made.how["fields"] = {{"body_level", job.fields()->level()}, {"biases", biases}};
   }
-  run.gate("min_dihedral", smallest, ">=", run.param<double>("min_dihedral"), "deg");
-  gate_topology(run, found, job.bodies());
-  if (searched) {
-    const double target = run.param<double>("target_tets");
-    run.gate("target_tets", std::abs(static_cast<double>(mesh.tets.size()) / target - 1.0),
-             "<=", 0.1);
+  return made;
+}
+
+// A mesh made elsewhere. No surface holds its boundary, so that the improver leaves it alone.
+Made take_mesh(StageRun& run) {
+  Imported imported = import_mesh(run.input("mesh"));
+  Made made{.mesh = std::move(imported.mesh), .how = {{"route", "import"}}};
+  const Json repairs = repairs_json(imported.repairs);
+  for (const auto& [what, count] : repairs.items())
+    if (count.get<std::size_t>() > 0 && what != "cells_skipped")
+      log::warn("mended: {} {}", count.get<std::size_t>(), what);
+  if (imported.labels_from.empty())
+    log::warn("{}: no labels: all tets are label 1", run.input("mesh").string());
+  made.how["labels_from"] = imported.labels_from;
+  made.how["repairs"] = repairs;
+  run.metric("repairs", repairs);
+  const auto improver = run.param<std::string>("improve");
+  if (improver == "cgal") {
+    throw Error(ExitCode::bad_config, {.where = "parameters",
+                                       .field = "improve",
+                                       .found = "cgal, for a mesh that Mesh_3 did not make",
+                                       .allowed = "auto, own or none"});
   }
-  for (const char* name : {"tets", "points", "smoothness", "volume", "topology"})
-    run.metric(name, report[name]);
-  run.metric("cell_size", cell_size, "mm");
-  for (const auto& [name, values] : summary.items()) {
-    run.metric(name, Json{{"min", values["min"]}, {"mean", values["mean"]}, {"max", values["max"]}},
-               values["unit"]);
-  }
+  if (improver == "own") made.how["improved"] = improved_json(improve(made.mesh, {}));
+  return made;
+}
+
+void run_tetmesh(StageRun& run) {
+  Made made = run.has_input("mesh") ? take_mesh(run) : make_mesh(run);
+  TetMesh& mesh = made.mesh;
+  if (run.has_input("surface")) made.wanted.surface = body_of(read_vtp(run.input("surface")));
+  const auto materials = read_materials(run.params().at("materials"), mesh.label_names);
+  const auto quality = measure(mesh);
+  Json report = judge(run, mesh, quality, made.wanted);
+  for (const auto& [key, value] : made.how.items()) report[key] = value;
   add_cell_data(mesh, quality);
-  write_vtu(run.out("mesh.vtu"), mesh);
+  const TetExport body = prepare_export(mesh, materials);
+  for (const auto& format : chosen_formats(run.params().at("formats")))
+    format.write(run.out(format.file), body);
   write_atomically(run.out("quality.json"), report.dump(1) + "\n");
+}
+
+std::vector<OutputFile> outputs() {
+  std::vector<OutputFile> files;
+  for (const auto& format : tet_formats())
+    files.push_back({format.file, files.empty() ? "mesh" : "", format.doc});
+  files.push_back({"quality.json", "", "measures, histograms, worst tets, volumes, topology"});
+  return files;
 }
 
 }  // namespace
@@ -230,15 +255,20 @@ Stage tetmesh_stage() {
   Stage stage;
   stage.info = {
       .name = "tetmesh",
-      .version = "2",
+      .version = "3",
       .doc = "Labels or a surface to a conforming tetrahedral mesh with its quality.",
       .inputs = {{.role = "labels", .required = false, .doc = "labels.nrrd of viscera-labels"},
-                 {.role = "surface", .required = false, .doc = "surface.vtp, one closed body"}},
-      .outputs = {{"mesh.vtu", "mesh", "tets, cell array label, quality per tet, LPS mm"},
-                  {"quality.json", "", "measures, histograms, worst tets, volumes, topology"}},
+                 {.role = "surface",
+                  .required = false,
+                  .doc = "surface.vtp, one closed body; the mesh's distance from it is measured"},
+                 {.role = "mesh",
+                  .required = false,
+                  .doc = "a mesh made elsewhere, .vtu or .msh: checked, repaired or refused"}},
+      .outputs = outputs(),
       .params = params(),
-      .libraries = {{"CGAL", CGAL_VERSION_STR}}};
+      .libraries = {{"CGAL", CGAL_VERSION_STR}, {"gmsh", gmsh_version()}}};
   stage.run = run_tetmesh;
+  stage.check = [](const StageRun& run) { chosen_formats(run.params().at("formats")); };
   return stage;
 }
 

@@ -22,6 +22,16 @@ class Sets {
     b = root(b);
     parent_[std::max(a, b)] = std::min(a, b);
   }
+  // The set of every member, numbered in the order of their first members.
+  std::vector<int> numbered() {
+    std::map<int, int> number;
+    std::vector<int> set(parent_.size());
+    for (std::size_t i = 0; i < set.size(); ++i) {
+      const int top = root(static_cast<int>(i));
+      set[i] = number.try_emplace(top, static_cast<int>(number.size())).first->second;
+    }
+    return set;
+  }
 
  private:
   std::vector<int> parent_;
@@ -80,29 +90,6 @@ std::vector<int> singular_points(const std::vector<std::array<int, 3>>& triangle
     }
   }
   return singular;
-}
-
-// Keeps the tets for which `keep` holds, and the points that they use.
-template <class Keep>
-std::size_t keep_tets(TetMesh& mesh, Keep keep) {
-  TetMesh kept{.label_names = mesh.label_names};
-  std::vector<int> becomes(mesh.points.size(), -1);
-  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
-    if (!keep(t)) continue;
-    auto tet = mesh.tets[t];
-    for (int& corner : tet) {
-      if (becomes[corner] < 0) {
-        becomes[corner] = static_cast<int>(kept.points.size());
-        kept.points.push_back(mesh.points[corner]);
-      }
-      corner = becomes[corner];
-    }
-    kept.tets.push_back(tet);
-    kept.labels.push_back(mesh.labels[t]);
-  }
-  const std::size_t removed = mesh.tets.size() - kept.tets.size();
-  mesh = std::move(kept);
-  return removed;
 }
 
 // Tets around the given points, grouped into fans that are joined through faces which hold the
@@ -222,13 +209,16 @@ std::vector<Face> find_faces(const TetMesh& mesh) {
   return faces;
 }
 
+std::array<int, 3> outward_face(const std::array<int, 4>& tet, int opposite) {
+  const auto& corner = face_corners[opposite];
+  return {tet[corner[0]], tet[corner[1]], tet[corner[2]]};
+}
+
 std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh) {
   std::vector<std::array<int, 3>> triangles;
   for_each_face(mesh, [&](const Face& face) {
     if (face.count != 1) return;
-    const auto& tet = mesh.tets[face.tets[0]];
-    const auto& corner = face_corners[face.opposite[0]];
-    triangles.push_back({tet[corner[0]], tet[corner[1]], tet[corner[2]]});
+    triangles.push_back(outward_face(mesh.tets[face.tets[0]], face.opposite[0]));
   });
   return triangles;
 }
@@ -238,27 +228,48 @@ std::vector<int> find_bodies(const TetMesh& mesh) {
   for_each_face(mesh, [&](const Face& face) {
     if (face.count >= 2) sets.join(face.tets[0], face.tets[1]);
   });
-  std::map<int, int> number;
-  std::vector<int> body(mesh.tets.size());
-  for (std::size_t t = 0; t < body.size(); ++t) {
-    const int root = sets.root(static_cast<int>(t));
-    body[t] = number.try_emplace(root, static_cast<int>(number.size())).first->second;
-  }
-  return body;
+  return sets.numbered();
+}
+
+std::vector<int> find_label_parts(const TetMesh& mesh) {
+  Sets sets(mesh.tets.size());
+  for_each_face(mesh, [&](const Face& face) {
+    if (face.count >= 2 && mesh.labels[face.tets[0]] == mesh.labels[face.tets[1]])
+      sets.join(face.tets[0], face.tets[1]);
+  });
+  return sets.numbered();
+}
+
+std::vector<int> find_sheets(const std::vector<std::array<int, 3>>& triangles) {
+  Sets sets(triangles.size());
+  std::map<std::array<int, 2>, int> seen;
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    for (int e = 0; e < 3; ++e) {
+      const int a = triangles[t][e], b = triangles[t][(e + 1) % 3];
+      const auto [entry, fresh] =
+          seen.try_emplace({std::min(a, b), std::max(a, b)}, static_cast<int>(t));
+      if (!fresh) sets.join(entry->second, static_cast<int>(t));
+    }
+  return sets.numbered();
 }
 
 Topology inspect(const TetMesh& mesh) {
   Topology found;
-  std::vector<bool> used(mesh.points.size());
+  std::vector<std::size_t> tets_at(mesh.points.size());
   std::vector<std::array<int, 4>> sorted = mesh.tets;
   for (auto& tet : sorted) {
     found.inverted += !(six_volumes(mesh, tet) > 0.0);
-    for (const int corner : tet) used[corner] = true;
+    for (const int corner : tet) ++tets_at[corner];
     std::sort(tet.begin(), tet.end());
   }
   found.duplicate_tets = repeated(std::move(sorted));
   found.duplicate_points = repeated(mesh.points);
-  found.stray_points = static_cast<std::size_t>(std::count(used.begin(), used.end(), false));
+  found.stray_points = static_cast<std::size_t>(std::count(tets_at.begin(), tets_at.end(), 0u));
+  const auto busiest = std::max_element(tets_at.begin(), tets_at.end());
+  if (busiest != tets_at.end()) {
+    found.busiest_tets = *busiest;
+    found.busiest_point = static_cast<int>(busiest - tets_at.begin());
+  }
   for_each_face(mesh, [&](const Face& face) { found.overfull_faces += face.count > 2; });
   const auto triangles = boundary_triangles(mesh);
   found.boundary_triangles = triangles.size();

@@ -24,6 +24,9 @@ void for_each_face(const TetMesh& mesh, Visit visit) {
   for (const auto& face : find_faces(mesh)) visit(face);
 }
 
+// The face of a positive tet that lacks this corner (0 to 3), counter-clockwise seen from outside.
+std::array<int, 3> outward_face(const std::array<int, 4>& tet, int opposite);
+
 // The boundary triangles of the whole mesh, counter-clockwise seen from outside.
 std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh);
 
@@ -34,8 +37,10 @@ struct Topology {
   std::size_t stray_points = 0;      // of no tet
   std::size_t overfull_faces = 0;    // of more than two tets
   std::size_t boundary_triangles = 0;
-  std::size_t non_manifold_edges = 0;       // of the boundary: not exactly two triangles
-  std::size_t non_manifold_points = 0;      // of the boundary: triangles around form several fans
+  std::size_t non_manifold_edges = 0;   // of the boundary: not exactly two triangles
+  std::size_t non_manifold_points = 0;  // of the boundary: triangles around form several fans
+  std::size_t busiest_tets = 0;         // tets at the point that has most
+  int busiest_point = -1;
   std::size_t components = 0;               // joined through faces
   std::vector<std::size_t> component_tets;  // in the order of their first tets
 };
@@ -44,6 +49,36 @@ Topology inspect(const TetMesh& mesh);
 
 // Component (joined through faces) of every tet, numbered in the order of their first tets.
 std::vector<int> find_bodies(const TetMesh& mesh);
+
+// Keeps the tets for which `keep(index)` holds, and the points that they use; drops per-tet arrays.
+// Returns the number of tets that went.
+template <class Keep>
+std::size_t keep_tets(TetMesh& mesh, Keep keep) {
+  TetMesh kept{.label_names = mesh.label_names};
+  std::vector<int> becomes(mesh.points.size(), -1);
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    if (!keep(t)) continue;
+    auto tet = mesh.tets[t];
+    for (int& corner : tet) {
+      if (becomes[corner] < 0) {
+        becomes[corner] = static_cast<int>(kept.points.size());
+        kept.points.push_back(mesh.points[corner]);
+      }
+      corner = becomes[corner];
+    }
+    kept.tets.push_back(tet);
+    kept.labels.push_back(mesh.labels[t]);
+  }
+  const std::size_t removed = mesh.tets.size() - kept.tets.size();
+  mesh = std::move(kept);
+  return removed;
+}
+
+// The same, but joined only where both tets have the same label.
+std::vector<int> find_label_parts(const TetMesh& mesh);
+
+// Component (joined through edges) of every triangle, numbered in the order of their first ones.
+std::vector<int> find_sheets(const std::vector<std::array<int, 3>>& triangles);
 
 struct Mended {
   std::size_t islands = 0, island_tets = 0;  // bodies beside the `bodies` largest

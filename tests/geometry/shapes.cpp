@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/log.hpp"
@@ -15,6 +16,41 @@ LabelImage nested_balls(double outer, double inner) {
   });
   image.names = {{1, "liver"}, {2, "tumour"}};
   return image;
+}
+
+TetMesh shaken_cube(int n, double shake, unsigned seed) {
+  TetMesh mesh;
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> move(-shake / n, shake / n);
+  const auto index = [n](int x, int y, int z) { return (z * (n + 1) + y) * (n + 1) + x; };
+  for (int z = 0; z <= n; ++z)
+    for (int y = 0; y <= n; ++y)
+      for (int x = 0; x <= n; ++x) {
+        std::array<double, 3> p{double(x) / n, double(y) / n, double(z) / n};
+        const int at[3] = {x, y, z};
+        const bool inner = x > 0 && x < n && y > 0 && y < n && z > 0 && z < n;
+        for (int a = 0; a < 3; ++a) {
+          const double by = move(random);
+          if (inner && !(a == 2 && 2 * at[2] == n)) p[a] += by;
+        }
+        mesh.points.push_back(p);
+      }
+  constexpr int orders[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}};
+  for (int z = 0; z < n; ++z)
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x)
+        for (int o = 0; o < 6; ++o) {
+          std::array<int, 3> at{x, y, z};
+          std::array<int, 4> tet{index(x, y, z), 0, 0, 0};
+          for (int step = 0; step < 3; ++step) {
+            ++at[orders[o][step]];
+            tet[step + 1] = index(at[0], at[1], at[2]);
+          }
+          if (o >= 3) std::swap(tet[2], tet[3]);
+          mesh.tets.push_back(tet);
+          mesh.labels.push_back(2 * z < n ? 1 : 2);
+        }
+  return mesh;
 }
 
 Outcome run_stage(const Stage& stage, std::vector<std::string> arguments) {

@@ -10,6 +10,7 @@
 #include "pipeline/contract/param.hpp"
 #include "stages/common/label_image.hpp"
 #include "stages/common/stage_main.hpp"
+#include "stages/common/tet_mesh.hpp"
 
 namespace viscera::testing {
 
@@ -34,6 +35,10 @@ LabelImage draw(int n, const std::array<double, 3>& spacing, Label label) {
 
 // A ball of label 1 with a smaller, off-centre ball of label 2 inside; radii in mm.
 LabelImage nested_balls(double outer = 20.0, double inner = 8.0);
+
+// The unit cube in n^3 cells of six tets, its inner points shaken by up to `shake` of a cell; label
+// 2 above the middle, whose points only move sideways.
+TetMesh shaken_cube(int n, double shake, unsigned seed);
 
 struct Outcome {
   int code = 0;

@@ -75,6 +75,7 @@ TEST(TetQuality, EveryMeasureAgreesWithVerdict) {
     EXPECT_NEAR(q[radius_ratio] / vtkMeshQuality::TetRadiusRatio(tet), 1.0, 1e-9);
     EXPECT_NEAR(q[aspect_gamma] / vtkMeshQuality::TetAspectGamma(tet), 1.0, 1e-6);
     EXPECT_NEAR(q[scaled_jacobian], vtkMeshQuality::TetScaledJacobian(tet), 1e-9);
+    EXPECT_NEAR(q[condition] / vtkMeshQuality::TetCondition(tet), 1.0, 1e-9);
     EXPECT_NEAR(q[edge_ratio], vtkMeshQuality::TetEdgeRatio(tet), 1e-9);
     EXPECT_NEAR(q[volume], vtkMeshQuality::TetVolume(tet), 1e-12);
     const auto [smallest, largest] = dihedrals_seen_along_edges(p);

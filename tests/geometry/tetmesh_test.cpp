@@ -223,6 +223,10 @@ TEST_F(Tetmesh, AClosedSurfaceIsFilled) {
   EXPECT_EQ(std::set<int>(result.labels.begin(), result.labels.end()), std::set<int>{3});
   EXPECT_GT(testing::metric(out(), "dihedral_min")["min"].get<double>(), 15.0);
   EXPECT_LT(std::abs(testing::metric(out(), "volume")["volume_error"].get<double>()), 0.02);
+  const auto distance = testing::metric(out(), "distance");
+  EXPECT_LT(distance["to_surface"]["max_mm"].get<double>(), 0.3 * 3.0);
+  EXPECT_LT(distance["to_mesh"]["max_mm"].get<double>(), 0.5 * 3.0);
+  EXPECT_EQ(run(write(ball_surface(20.0)), {"cell_size=3mm", "max_distance=0.001mm"}).code, 5);
 }
 
 TEST_F(Tetmesh, AnOpenOrCrossingSurfaceIsRefusedByName) {
@@ -259,6 +263,83 @@ TEST_F(Tetmesh, ARealLiverWithItsTumoursBecomesOneSoundMesh) {
   EXPECT_EQ(outcome.code, 0) << outcome.log;
   for (const auto& label : testing::metric(out(), "volume")["labels"])
     EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.05) << label;
+}
+
+TEST_F(Tetmesh, HxtFillsSeveralMaterialsBetweenTheSameInterfaces) {
+  // Two tumours: parts of one label that do not touch.
+  const LabelImage image = testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
+    if (std::hypot(std::abs(x) - 9.0, y, z) < 5.0) return 2;
+    return std::hypot(x, y, z) < 20.0 ? 1 : 0;
+  });
+  const auto outcome = run(write(image), {"cell_size=4mm", "mesher=hxt", "improve=none"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const auto found = inspect(mesh());
+  EXPECT_EQ(found.components, 1u);
+  EXPECT_EQ(found.inverted + found.non_manifold_edges + found.overfull_faces + found.stray_points,
+            0u);
+  for (const auto& label : testing::metric(out(), "volume")["labels"])
+    EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.03) << label;
+}
+
+TEST_F(Tetmesh, AMesherThatDoesNotEndIsEnded) {
+  ::testing::GTEST_FLAG(death_test_style) = "threadsafe";
+  const auto input = write(testing::nested_balls());
+  std::vector<std::string> line{
+      "viscera-tetmesh",  "--in",  input,         "--set", "cell_size=0.4mm", "--set",
+      "time_limit=100ms", "--out", out().string()};
+  std::vector<char*> argv;
+  for (auto& word : line) argv.push_back(word.data());
+  EXPECT_EXIT(stage_main(static_cast<int>(argv.size()), argv.data(), tetmesh_stage()),
+              ::testing::ExitedWithCode(75), "time_limit: no mesh after");
+  EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
+TEST_F(Tetmesh, TheFormatsAskedForStandBesideTheMeshAndComeInAgain) {
+  const auto first = run(write(testing::nested_balls()),
+                         {"cell_size=6mm", "formats=[msh, inp, feb]",
+                          "materials={liver: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3}}"});
+  ASSERT_EQ(first.code, 0) << first.log;
+  EXPECT_EQ(testing::files_in(out()),
+            (std::vector<std::string>{"manifest.json", "mesh.feb", "mesh.inp", "mesh.msh",
+                                      "mesh.vtu", "quality.json"}));
+  const TetMesh made = mesh();
+  fs::rename(out() / "mesh.msh", folder_.path() / "mesh.msh");
+  const auto again = run("mesh=" + (folder_.path() / "mesh.msh").string());
+  ASSERT_EQ(again.code, 0) << again.log;
+  EXPECT_EQ(mesh().points, made.points);
+  EXPECT_EQ(mesh().tets, made.tets);
+  EXPECT_EQ(mesh().label_names, made.label_names);
+  EXPECT_EQ(testing::metric(out(), "repairs")["points_merged"], 0);
+}
+
+TEST_F(Tetmesh, AnUnknownFormatOrMaterialIsRefusedBeforeTheWork) {
+  const auto input = write(testing::nested_balls());
+  auto outcome = run(input, {"formats=[stl]"});
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_NE(outcome.log.find("vtu, msh, inp, feb"), std::string::npos) << outcome.log;
+  outcome = run(input, {"materials={livre: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3}}"});
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_NE(outcome.log.find("did you mean 'liver'"), std::string::npos) << outcome.log;
+}
+
+TEST_F(Tetmesh, AMeshFromElsewhereIsMendedAndJudged) {
+  TetMesh cube = testing::shaken_cube(4, 0.2, 1);
+  cube.label_names = {{1, "lower"}, {2, "upper"}};
+  std::swap(cube.tets[0][0], cube.tets[0][1]);
+  cube.points.push_back({5, 5, 5});
+  write_vtu(folder_.path() / "foreign.vtu", cube);
+  const auto input = "mesh=" + (folder_.path() / "foreign.vtu").string();
+  ASSERT_EQ(run(input, {"min_dihedral=1deg"}).code, 0);
+  EXPECT_EQ(testing::metric(out(), "repairs")["tets_turned"], 1);
+  EXPECT_EQ(testing::metric(out(), "repairs")["stray_points"], 1);
+  const double before = testing::metric(out(), "dihedral_min")["min"];
+  ASSERT_EQ(run(input, {"min_dihedral=1deg", "improve=own"}).code, 0);
+  EXPECT_GT(testing::metric(out(), "dihedral_min")["min"].get<double>(), before);
+  cube.points[0] = {2, 2, 2};  // through the far side: its tets now overlap others
+  write_vtu(folder_.path() / "foreign.vtu", cube);
+  fs::remove_all(out());
+  EXPECT_EQ(run(input).code, 4);
+  EXPECT_TRUE(testing::files_in(out()).empty());
 }
 
 TEST_F(Tetmesh, NeitherLabelsNorSurfaceIsABadRequest) {

@@ -1,0 +1,173 @@
+#include "stages/tetmesh/import.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "pipeline/contract/error.hpp"
+#include "stages/tetmesh/topology.hpp"
+#include "stages/tetmesh/vec.hpp"
+
+namespace viscera {
+namespace {
+
+constexpr std::size_t places_told = 3;
+// A tet flatter than this share of the cube of its longest edge has no orientation of its own.
+constexpr double flat = 1e-13;
+
+using Tet = std::array<int, 4>;
+
+double six_volumes(const TetMesh& mesh, const Tet& t) {
+  const auto& p = mesh.points;
+  return dot(sub(p[t[1]], p[t[0]]), cross(sub(p[t[2]], p[t[0]]), sub(p[t[3]], p[t[0]])));
+}
+
+// Tets that rule a mesh out, with the places of the first few.
+void refuse_any(const TetMesh& mesh, const std::vector<int>& tets, const std::string& file,
+                const char* what, const char* allowed) {
+  if (tets.empty()) return;
+  std::string places;
+  for (std::size_t i = 0; i < std::min(places_told, tets.size()); ++i) {
+    Vec centre{};
+    for (const int corner : mesh.tets[tets[i]])
+      centre = add(centre, scale(0.25, mesh.points[corner]));
+    places += fmt::format("{}tet {} at ({:.2f}, {:.2f}, {:.2f}) mm", i > 0 ? ", " : "", tets[i],
+                          centre[0], centre[1], centre[2]);
+  }
+  throw Error(ExitCode::bad_input,
+              {.where = file,
+               .field = "tets",
+               .found = fmt::format("{} {}: {}{}", tets.size(), what, places,
+                                    tets.size() > places_told ? ", ..." : ""),
+               .allowed = allowed,
+               .remedy = "mend the mesh where it was made, or mesh the labels or surface anew"});
+}
+
+void merge_points(TetMesh& mesh, Repairs& repairs) {
+  std::vector<int> order(mesh.points.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return mesh.points[a] < mesh.points[b]; });
+  std::vector<int> becomes(mesh.points.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const bool again = i > 0 && mesh.points[order[i]] == mesh.points[order[i - 1]];
+    becomes[order[i]] = again ? becomes[order[i - 1]] : order[i];
+    repairs.points_merged += again;
+  }
+  for (auto& tet : mesh.tets)
+    for (int& corner : tet) corner = becomes[corner];
+}
+
+Tet sorted(Tet tet) {
+  std::sort(tet.begin(), tet.end());
+  return tet;
+}
+
+// Tets with a corner twice are triangles: their two other faces have become one, so what lies on
+// both sides meets there. Of equal tets the first one stays.
+void drop_collapsed_and_repeated(TetMesh& mesh, const std::string& file, Repairs& repairs) {
+  std::vector<int> order;
+  std::vector<bool> drop(mesh.tets.size());
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    const Tet key = sorted(mesh.tets[t]);
+    drop[t] = std::adjacent_find(key.begin(), key.end()) != key.end();
+    repairs.tets_collapsed += drop[t];
+    if (!drop[t]) order.push_back(static_cast<int>(t));
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return sorted(mesh.tets[a]) < sorted(mesh.tets[b]); });
+  std::vector<int> contradicting;
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    if (sorted(mesh.tets[order[i]]) != sorted(mesh.tets[order[i - 1]])) continue;
+    if (mesh.labels[order[i]] != mesh.labels[order[i - 1]]) contradicting.push_back(order[i]);
+    drop[order[i]] = true;
+    ++repairs.duplicate_tets;
+  }
+  refuse_any(mesh, contradicting, file, "tets stand twice, with different labels",
+             "one label for each tet");
+  keep_tets(mesh, [&](std::size_t t) { return !drop[t]; });
+}
+
+void orient(TetMesh& mesh, const std::string& file, Repairs& repairs) {
+  std::vector<int> without_volume;
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    auto& tet = mesh.tets[t];
+    const double volume = six_volumes(mesh, tet);
+    double longest = 0.0;
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < i; ++j)
+        longest = std::max(longest, norm(sub(mesh.points[tet[i]], mesh.points[tet[j]])));
+    if (!(std::abs(volume) > flat * longest * longest * longest)) {
+      without_volume.push_back(static_cast<int>(t));
+    } else if (volume < 0.0) {
+      std::swap(tet[2], tet[3]);
+      ++repairs.tets_turned;
+    }
+  }
+  refuse_any(mesh, without_volume, file, "tets without volume", "tets of positive volume");
+}
+
+// Seen from a face, its two tets must lie on different sides; once all tets are positive, they
+// then run through its corners in opposite senses.
+void refuse_overlaps(const TetMesh& mesh, const std::string& file) {
+  std::vector<int> overfull, folded;
+  for_each_face(mesh, [&](const Face& face) {
+    if (face.count > 2) overfull.push_back(face.tets[0]);
+    if (face.count != 2) return;
+    const auto a = outward_face(mesh.tets[face.tets[0]], face.opposite[0]);
+    auto b = outward_face(mesh.tets[face.tets[1]], face.opposite[1]);
+    std::rotate(b.begin(), std::find(b.begin(), b.end(), a[0]), b.end());
+    if (a == b) folded.push_back(face.tets[0]);
+  });
+  refuse_any(mesh, overfull, file, "faces have more than two tets", "at most two tets at a face");
+  refuse_any(mesh, folded, file, "pairs of tets lie on the same side of their common face",
+             "tets that do not overlap");
+}
+
+// Label 0 is the outside: its tets get the next free label.
+void relabel_zero(TetMesh& mesh, Repairs& repairs) {
+  const int free_label = *std::max_element(mesh.labels.begin(), mesh.labels.end()) + 1;
+  for (int& label : mesh.labels) {
+    if (label != 0) continue;
+    label = free_label;
+    ++repairs.tets_relabelled;
+  }
+  const auto named = mesh.label_names.find(0);
+  if (named == mesh.label_names.end()) return;
+  mesh.label_names[free_label] = named->second;
+  mesh.label_names.erase(0);
+}
+
+}  // namespace
+
+Repairs repair(TetMesh& mesh, const std::string& file) {
+  Repairs repairs;
+  mesh.cell_data.clear();
+  relabel_zero(mesh, repairs);
+  merge_points(mesh, repairs);
+  const std::size_t points = mesh.points.size() - repairs.points_merged;
+  drop_collapsed_and_repeated(mesh, file, repairs);
+  repairs.stray_points = points - mesh.points.size();
+  orient(mesh, file, repairs);
+  refuse_overlaps(mesh, file);
+  return repairs;
+}
+
+Imported import_mesh(const std::filesystem::path& path) {
+  const auto extension = path.extension();
+  if (extension != ".vtu" && extension != ".msh") {
+    throw Error(ExitCode::bad_input, {.where = path.string(),
+                                      .field = "--in mesh",
+                                      .found = "a file of kind '" + extension.string() + "'",
+                                      .allowed = ".vtu or .msh",
+                                      .remedy = "convert it, for example with meshio"});
+  }
+  ForeignMesh read = extension == ".msh" ? read_foreign_msh(path) : read_foreign_vtu(path);
+  Imported imported{.mesh = std::move(read.mesh), .labels_from = read.labels_from};
+  imported.repairs = repair(imported.mesh, path.string());
+  imported.repairs.cells_skipped = read.cells_skipped;
+  return imported;
+}
+
+}  // namespace viscera

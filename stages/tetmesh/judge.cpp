@@ -1,0 +1,142 @@
+#include "stages/tetmesh/judge.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/contract/log.hpp"
+#include "stages/tetmesh/distance.hpp"
+#include "stages/tetmesh/topology.hpp"
+
+namespace viscera {
+namespace {
+
+// Between the samples of a boundary triangle, as a part of the mean edge of the boundary.
+constexpr double sample_spacing = 0.35;
+
+double count(std::size_t n) {
+  return static_cast<double>(n);
+}
+
+struct LabelTotal {
+  std::size_t tets = 0;
+  double volume = 0.0;  // mm3
+};
+
+std::map<int, LabelTotal> totals(const TetMesh& mesh, const std::vector<TetQuality>& quality) {
+  std::map<int, LabelTotal> sums;
+  for (const auto& [label, name] : mesh.label_names) sums[label];
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    auto& sum = sums[mesh.labels[t]];
+    ++sum.tets;
+    sum.volume += quality[t][volume];
+  }
+  return sums;
+}
+
+void judge_volume(StageRun& run, const std::string& name, double found, double wanted,
+                  const char* limit, Json& entry) {
+  const double error = found / wanted - 1.0;
+  entry["input_ml"] = wanted / 1000.0;
+  entry["volume_error"] = error;
+  run.gate(name + "volume_error", std::abs(error), "<=", run.param<double>(limit));
+}
+
+Json judge_volumes(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& quality,
+                   const Wanted& wanted) {
+  Json list = Json::array();
+  double body = 0.0;
+  for (const auto& [id, sum] : totals(mesh, quality)) {
+    const std::string& name = mesh.label_names.at(id);
+    Json entry{{"name", name}, {"id", id}, {"tets", sum.tets}, {"ml", sum.volume / 1000.0}};
+    const auto known = wanted.label_volumes.find(id);
+    if (known != wanted.label_volumes.end())
+      judge_volume(run, name + ".", sum.volume, known->second, "max_label_error", entry);
+    const double error = 100.0 * entry.value("volume_error", 0.0);
+    log::info("{}: {} tets, {:.2f} ml{}", name, sum.tets, sum.volume / 1000.0,
+              entry.contains("volume_error") ? fmt::format(" ({:+.2f} %)", error) : "");
+    body += sum.volume;
+    list.push_back(std::move(entry));
+  }
+  Json result{{"ml", body / 1000.0}};
+  if (wanted.body_volume > 0.0)
+    judge_volume(run, "", body, wanted.body_volume, "max_volume_error", result);
+  result["labels"] = std::move(list);
+  return result;
+}
+
+Json judge_topology(StageRun& run, const TetMesh& mesh, const Wanted& wanted) {
+  const Topology found = inspect(mesh);
+  run.gate("inverted", count(found.inverted), "<=", 0.0);
+  run.gate("duplicates", count(found.duplicate_tets + found.duplicate_points), "<=", 0.0);
+  run.gate("stray_points", count(found.stray_points), "<=", 0.0);
+  run.gate("non_manifold",
+           count(found.non_manifold_edges + found.non_manifold_points + found.overfull_faces),
+           "<=", 0.0);
+  if (wanted.bodies) run.gate("components", count(found.components), "<=", count(*wanted.bodies));
+  return {{"inverted", found.inverted},
+          {"duplicate_tets", found.duplicate_tets},
+          {"duplicate_points", found.duplicate_points},
+          {"stray_points", found.stray_points},
+          {"overfull_faces", found.overfull_faces},
+          {"boundary_triangles", found.boundary_triangles},
+          {"non_manifold_edges", found.non_manifold_edges},
+          {"non_manifold_points", found.non_manifold_points},
+          {"components", found.components},
+          {"component_tets", found.component_tets},
+          {"busiest", {{"tets", found.busiest_tets}, {"at", mesh.points[found.busiest_point]}}}};
+}
+
+double mean_boundary_edge(const TetMesh& mesh) {
+  double sum = 0.0;
+  std::size_t edges = 0;
+  for (const auto& t : boundary_triangles(mesh))
+    for (int e = 0; e < 3; ++e, ++edges) {
+      const auto &p = mesh.points[t[e]], &q = mesh.points[t[(e + 1) % 3]];
+      sum += std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]);
+    }
+  return edges > 0 ? sum / count(edges) : 1.0;
+}
+
+Json to_json(const Deviation& deviation) {
+  return {{"rms_mm", deviation.rms}, {"max_mm", deviation.max}, {"max_at", deviation.place}};
+}
+
+Json judge_distance(StageRun& run, const TetMesh& mesh, const SurfaceMesh& surface) {
+  const auto found = surface_distance(mesh, surface, sample_spacing * mean_boundary_edge(mesh));
+  log::info(
+      "mesh to surface: rms {:.3f}, max {:.2f} mm; surface to mesh: rms {:.3f}, max {:.2f} mm",
+      found.to_surface.rms, found.to_surface.max, found.to_mesh.rms, found.to_mesh.max);
+  if (run.has_param("max_distance")) {
+    run.gate("max_distance", std::max(found.to_surface.max, found.to_mesh.max),
+             "<=", run.param<double>("max_distance"), "mm");
+  }
+  return {{"to_surface", to_json(found.to_surface)}, {"to_mesh", to_json(found.to_mesh)}};
+}
+
+}  // namespace
+
+Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& quality,
+           const Wanted& wanted) {
+  const Json summary = summarise(mesh, quality);
+  const double smallest = summary["dihedral_min"]["min"], mean = summary["dihedral_min"]["mean"];
+  log::info("{} tets, {} points, dihedral min {:.2f} deg, mean {:.1f} deg", mesh.tets.size(),
+            mesh.points.size(), smallest, mean);
+  Json report{{"tets", mesh.tets.size()}, {"points", mesh.points.size()}};
+  report["volume"] = judge_volumes(run, mesh, quality, wanted);
+  run.gate("min_dihedral", smallest, ">=", run.param<double>("min_dihedral"), "deg");
+  report["topology"] = judge_topology(run, mesh, wanted);
+  if (wanted.surface) report["distance"] = judge_distance(run, mesh, *wanted.surface);
+  if (wanted.tets)
+    run.gate("target_tets", std::abs(count(mesh.tets.size()) / *wanted.tets - 1.0), "<=", 0.1);
+  report["smoothness"] = volume_smoothness(mesh, quality);
+  report["measures"] = summary;
+  for (const auto& [name, value] : report.items())
+    if (name != "measures") run.metric(name, value);
+  for (const auto& [name, values] : summary.items()) {
+    run.metric(name, Json{{"min", values["min"]}, {"mean", values["mean"]}, {"max", values["max"]}},
+               values["unit"]);
+  }
+  return report;
+}
+
+}  // namespace viscera

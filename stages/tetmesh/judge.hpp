@@ -1,0 +1,26 @@
+// What a finished mesh is worth: its measures, topology, volumes and distances as JSON for
+// quality.json and the manifest, and the gates. Lengths in mm, volumes in mm3.
+#pragma once
+
+#include <optional>
+
+#include "stages/common/stage_main.hpp"
+#include "stages/common/surface_mesh.hpp"
+#include "stages/tetmesh/measure.hpp"
+
+namespace viscera {
+
+// What a mesh is judged against, as far as it is known.
+struct Wanted {
+  std::map<int, double> label_volumes;  // mm3; empty: no volume is judged
+  double body_volume = 0.0;             // mm3
+  std::optional<std::size_t> bodies;
+  std::optional<double> tets;
+  std::optional<SurfaceMesh> surface;  // of the body
+};
+
+// Adds the gates and metrics of `mesh` to the run; returns what quality.json says.
+Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& quality,
+           const Wanted& wanted);
+
+}  // namespace viscera

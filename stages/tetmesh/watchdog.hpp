@@ -1,0 +1,35 @@
+// A mesher that never ends must neither hang a pipeline nor take a machine's memory with it: for as
+// long as a Watchdog lives, time and memory are bounded. The bounds are far beyond what good inputs
+// need, and no result depends on them.
+#pragma once
+
+#include <sys/resource.h>
+
+#include <condition_variable>
+#include <filesystem>
+#include <mutex>
+#include <thread>
+
+namespace viscera {
+
+class Watchdog {
+ public:
+  // Throws Error(try_again) when this machine does not have `expected_bytes` to spare. Allocations
+  // beyond thrice that and a gigabyte then fail (std::bad_alloc); after `seconds` the process ends
+  // with exit 75, and `folder`, its unfinished outputs, is removed.
+  Watchdog(double seconds, double expected_bytes, std::filesystem::path folder);
+  ~Watchdog();
+  Watchdog(const Watchdog&) = delete;
+  Watchdog& operator=(const Watchdog&) = delete;
+
+ private:
+  void watch(double seconds, const std::filesystem::path& folder);
+
+  rlimit before_{};
+  std::mutex mutex_;
+  std::condition_variable ended_;
+  bool done_ = false;
+  std::thread thread_;
+};
+
+}  // namespace viscera
