@@ -1,13 +1,15 @@
 // Contact with obstacles for the implicit solver: augmented Lagrangians on the contact effects'
 // own push and rub, so that the obstacles, their motion and the Coulomb law are those of the other
-// solvers. k is a penalty in N/m, c = push(d) the way out of the obstacle.
+// solvers. With k and h penalties in N/m, c = push(d) the way out of the obstacle and w the slip
+// over the step (what rub takes when friction is without bound), rub'(w) what it takes with it:
 //
-//   normal      f = k push(d - s),                 then s <- push(d - s)
-//   tangential  f = -k (w - rub(w)), w = d + q,    then q <- w - rub(w)
+//   normal      f = k push(d - s),            then s <- push(d - s)
+//   tangential  f = -h taken, taken = w + q cut to the length mu k |s| / h,   then q <- taken
 //
-// s and q are the multipliers over k, so f is exact at convergence whatever k is: no penetration,
-// no creep of what sticks, and |f| = mu f_n of what slides (Alart and Curnier 1991; Simo and
-// Laursen 1992). The cone of a solve is that of the last normal multiplier.
+// s and q are the multipliers over k and h, so f is exact at convergence whatever these are: no
+// penetration, no creep of what sticks, and |f| = mu f_n of what slides (Alart and Curnier 1991;
+// Simo and Laursen 1992). The cone of a solve is that of the last normal multiplier, so that a
+// solve has a convex potential: k c^2 / 2, and h (|taken| |w + q| - |taken|^2 / 2).
 #pragma once
 
 #include "sim/effects/contact.hpp"
@@ -43,8 +45,13 @@ class ContactTerm final : public FemTerm {
       const double k = penalty_[i];
       const Vec3<double> out = push(fields, i);
       forces.add(i, k * out);
+      if (touches(out)) forces.rounding += 4e-16 * k * (norm(rest_[i]) + norm(fields.u[i]));
       forces.add_energy(0.5 * k * dot(out, out));
-      if (touches(now_[i].normal)) forces.add_loose(i, -k * friction(fields, i, now_[i].normal));
+      if (!touches(now_[i].normal)) continue;
+      const Friction f = friction(fields, i, now_[i].normal);
+      forces.add(i, -hold(i) * f.taken);
+      forces.add_energy(hold(i) * norm(f.taken) * (norm(f.slip) - 0.5 * norm(f.taken)));
+      forces.size += hold(i) * dot(f.slip, f.slip);  // `taken` is a difference of that order
     }
   }
 
@@ -54,7 +61,7 @@ class ContactTerm final : public FemTerm {
       Eigen::Matrix3d k = Eigen::Matrix3d::Zero();
       const Eigen::Vector3d out = to_eigen(push(fields, i));
       if (out.squaredNorm() > 0.0) k += out * out.transpose() / out.squaredNorm();
-      if (touches(now_[i].normal)) k += friction_slope(fields, i);
+      if (touches(now_[i].normal)) k += (1.0 / softer) * friction_slope(fields, i);
       system.add<1>({i}, places_[i], penalty_[i] * k);
     }
   }
@@ -64,8 +71,9 @@ class ContactTerm final : public FemTerm {
     for (int i = 0; i < static_cast<int>(rest_.size()); ++i) {
       if (!free_[i]) continue;
       const Vec3<double> normal = push(fields, i);
-      const Vec3<double> slip = touches(normal) ? friction(fields, i, normal) : Vec3<double>{};
-      change += penalty_[i] * (norm(normal - now_[i].normal) + norm(slip - now_[i].slip));
+      const Vec3<double> slip =
+          touches(normal) ? friction(fields, i, normal).taken : Vec3<double>{};
+      change += penalty_[i] * norm(normal - now_[i].normal) + hold(i) * norm(slip - now_[i].slip);
       now_[i] = {normal, slip};
     }
     return change;
@@ -105,30 +113,34 @@ class ContactTerm final : public FemTerm {
   Vec3<double> push(const FemFields& fields, int i) const {
     return Effect::push(device_, fields.step, rest_[i], fields.u[i], fields.d[i] - now_[i].normal);
   }
-  Vec3<double> friction(const FemFields& fields, int i, const Vec3<double>& normal) const {
-    return taken(fields.step, normal, fields.d[i] + now_[i].slip);
+  double hold(int i) const { return penalty_[i] / softer; }
+
+  struct Friction {
+    Vec3<double> slip, taken;  // w + q, and its part within the cone, m
+  };
+  Friction friction(const FemFields& fields, int i, const Vec3<double>& normal) const {
+    constexpr double boundless = 1e12;
+    const auto taken = [&](double factor) {
+      Vec3<double> left = fields.d[i] + now_[i].slip;
+      Effect::rub(device_, fields.step, factor * normal, {}, left);
+      return fields.d[i] + now_[i].slip - left;
+    };
+    return {taken(boundless), taken(softer)};
   }
-  // w - rub(w)
-  Vec3<double> taken(const Step<double>& step, const Vec3<double>& normal,
-                     const Vec3<double>& w) const {
-    Vec3<double> left = w;
-    Effect::rub(device_, step, normal, {}, left);
-    return w - left;
-  }
-  // d taken / dw by central differences, its symmetric part.
+  // d taken / dd: of a sticking node the tangential plane, of a sliding one the turn of its way.
   Eigen::Matrix3d friction_slope(const FemFields& fields, int i) const {
-    const Vec3<double> w = fields.d[i] + now_[i].slip;
-    const double h = 1e-6 * (norm(w) + norm(now_[i].normal));
-    Eigen::Matrix3d slope;
-    for (int axis = 0; axis < 3; ++axis) {
-      const Vec3<double> e =
-          h * Vec3<double>{axis == 0 ? 1.0 : 0.0, axis == 1 ? 1.0 : 0.0, axis == 2 ? 1.0 : 0.0};
-      slope.col(axis) = to_eigen(taken(fields.step, now_[i].normal, w + e) -
-                                 taken(fields.step, now_[i].normal, w - e)) /
-                        (2.0 * h);
-    }
-    return 0.5 * (slope + slope.transpose());
+    const Friction f = friction(fields, i, now_[i].normal);
+    const Eigen::Vector3d normal = to_eigen(now_[i].normal).normalized();
+    Eigen::Matrix3d plane = Eigen::Matrix3d::Identity() - normal * normal.transpose();
+    const double taken = norm(f.taken), slip = norm(f.slip);
+    if (taken >= (1.0 - 1e-12) * slip) return plane;
+    const Eigen::Vector3d way = to_eigen(f.slip) / slip;
+    return taken / slip * (plane - way * way.transpose());
   }
+
+  // The tangential penalty is less than the normal one by this factor: sticking and sliding nodes
+  // tell each other apart in fewer iterations.
+  static constexpr double softer = 100.0;
 
   typename Effect::template Device<double> device_;
   const NodeField& rest_;

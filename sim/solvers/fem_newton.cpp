@@ -131,7 +131,7 @@ double FemNewton::bound(const FemFields& fields) const {
   for (std::size_t i = 0; i < stiffness_.size(); ++i) {
     floor += stiffness_[i] * (norm(fields.u[i]) + norm(fields.d[i]));
   }
-  return options_.tolerance * now_.scale + rounding * floor;
+  return options_.tolerance * now_.scale + now_.rounding + rounding * floor;
 }
 
 }  // namespace viscera::sim
