@@ -26,7 +26,7 @@ Outcome against_newton(const Model& model, const Scene& scene, const SolverOptio
                        double bound, const std::string& note = "") {
   const State exact = equilibrium(model, scene);
   Run run(model, scene, options);
-  run.settle(1e-6, 2.5, 0.63);
+  run.settle(1e-6, 1.25, 0.63);
   return {{{"error / displacement", rms_difference(model, run.state(), exact) / rms(model, exact),
             bound}},
           fmt::format("{}Cs {:.2g}, κ {:.2g}, {} substeps, {:.1g} m/s left", note,

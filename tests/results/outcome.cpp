@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -36,13 +35,21 @@ void run_row(Row& row) {
   }
 }
 
+}  // namespace
+
+std::string number(double value) {
+  return std::isfinite(value) ? fmt::format("{:.3g}", value) : "not finite";
+}
+
+namespace {
+
 std::string figures(const Outcome& outcome) {
   std::string text = outcome.refusal;
   const auto add = [&text](const std::string& more) {
     if (!more.empty()) text += (text.empty() ? "" : "; ") + more;
   };
   for (const auto& m : outcome.measures) {
-    add(fmt::format("{}{} {:.3g} (≤ {:.3g})", holds(m) ? "" : "**", m.name, m.value, m.bound) +
+    add(fmt::format("{}{} {} (≤ {:.3g})", holds(m) ? "" : "**", m.name, number(m.value), m.bound) +
         (holds(m) ? "" : "**"));
   }
   add(outcome.note);
@@ -54,7 +61,8 @@ std::string figures(const Outcome& outcome) {
 Verdict verdict_of(const Outcome& outcome) {
   if (!std::ranges::all_of(outcome.measures, holds)) return Verdict::failed;
   if (!outcome.refusal.empty()) return Verdict::refused;
-  return outcome.measures.empty() ? Verdict::failed : Verdict::held;
+  if (!outcome.measures.empty()) return Verdict::held;
+  return outcome.note.empty() ? Verdict::failed : Verdict::reported;
 }
 
 double miss_of(const Outcome& outcome) {
@@ -69,17 +77,7 @@ double miss_of(const Outcome& outcome) {
 void run_rows(std::vector<Row>& rows) {
   std::atomic<std::size_t> next = 0;
   const auto work = [&] {
-    for (std::size_t i = next++; i < rows.size(); i = next++) {
-      auto t0 = std::chrono::steady_clock::now();
-      if (getenv("CASE") && rows[i].name.find(getenv("CASE")) == std::string::npos &&
-          rows[i].solver.find(getenv("CASE")) == std::string::npos)
-        continue;
-      run_row(rows[i]);
-      if (getenv("TIMES"))
-        fmt::print(stderr, "{:.2f} s {} {} {}\n",
-                   std::chrono::duration<double>(std::chrono::steady_clock::now() - t0).count(),
-                   rows[i].name, rows[i].solver, rows[i].precision);
-    }
+    for (std::size_t i = next++; i < rows.size(); i = next++) run_row(rows[i]);
   };
   std::vector<std::jthread> crew;
   for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) crew.emplace_back(work);
@@ -107,8 +105,8 @@ std::vector<std::string> complaints(const std::vector<Row>& rows,
 
 void write_table(const std::filesystem::path& file, const std::string& head, const char* held,
                  const std::vector<Row>& rows) {
-  const char* const words[] = {held, "refused", "**failed**"};
-  int count[3] = {};
+  const char* const words[] = {held, "refused", "**failed**", "reported"};
+  int count[4] = {};
   std::string table =
       "| # | case | solver | precision | outcome | figures (bound) |\n"
       "|---|---|---|---|---|---|\n";
@@ -120,8 +118,8 @@ void write_table(const std::filesystem::path& file, const std::string& head, con
   }
   std::filesystem::create_directories(file.parent_path());
   std::ofstream(file) << fmt::format(
-      "{}\n{} rows: {} {}, {} refused with a reason, {} failed.\n\n{}", head, rows.size(), count[0],
-      held, count[1], count[2], table);
+      "{}\n{} rows: {} {}, {} refused with a reason, {} failed, {} reported.\n\n{}", head,
+      rows.size(), count[0], held, count[1], count[2], count[3], table);
 }
 
 }  // namespace viscera::sim

@@ -22,7 +22,10 @@ struct Outcome {
   std::string refusal;  // why it was refused before the first step; empty: it ran
 };
 
-enum class Verdict { held, refused, failed };
+// Three digits; "not finite" for what is no number.
+std::string number(double value);
+
+enum class Verdict { held, refused, failed, reported };  // reported: figures without a bound
 Verdict verdict_of(const Outcome& outcome);
 // The worst figure in units of its bound (as it is, where the bound is 0); infinite when not a
 // number.

@@ -1,0 +1,30 @@
+// Runs the verification problems and writes the table of the figures that they reach.
+#include <gtest/gtest.h>
+
+#include "tests/verification/problems.hpp"
+
+namespace viscera::sim {
+namespace {
+
+const std::vector<KnownMiss> known_misses = {};
+
+const std::string head = R"(# Verification
+
+Written by `test_solvers`; do not edit. Errors are rms over vertices against Newton's equilibrium on
+the same mesh, over the rms displacement, unless a row says otherwise: the solver's error, without
+that of the mesh. Rows without a bound are reported.
+)";
+
+TEST(Solvers, EveryFigureIsWithinItsBoundOrAKnownMissThatIsNoWorse) {
+  std::vector<Row> rows;
+  add_static_problems(rows);
+  add_motion_problems(rows);
+  add_contact_problems(rows);
+  add_judge_problems(rows);
+  run_rows(rows);
+  write_table("docs/results/verification.md", head, "met", rows);
+  for (const auto& complaint : complaints(rows, known_misses)) ADD_FAILURE() << complaint;
+}
+
+}  // namespace
+}  // namespace viscera::sim
