@@ -110,7 +110,7 @@ TEST(Seeds, EveryComponentOfEveryInterfaceGetsSome) {
   });
   const MaterialFields fields(image, 0.8);
   std::array<int, 3> near{};
-  for (const auto& seed : seed_interfaces(fields, image, 15.0)) {
+  for (const auto& seed : seed_interfaces(fields, image, find_components(image), 15.0)) {
     EXPECT_NE(seed.inside, seed.outside);
     if (seed.inside != 2 && seed.outside != 2) continue;
     const double x = seed.point[0] - 23.5 * 1.1;
@@ -292,6 +292,25 @@ TEST_F(Tetmesh, AMesherThatDoesNotEndIsEnded) {
   EXPECT_EXIT(stage_main(static_cast<int>(argv.size()), argv.data(), tetmesh_stage()),
               ::testing::ExitedWithCode(75), "time_limit: no mesh after");
   EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
+TEST_F(Tetmesh, TheCellSizeIsRaisedUntilTheSubstepsAskedForAreStable) {
+  const auto input = write(testing::nested_balls());
+  const std::string materials =
+      "materials={liver: {E: 5 kPa, nu: 0.45, density: 1000 kg/m3}, "
+      "tumour: {E: 5 kPa, nu: 0.45, density: 1000 kg/m3}}";
+  ASSERT_EQ(run(input, {"cell_size=3mm", materials}).code, 0);
+  const int free = testing::metric(out(), "time_step")["substeps_needed"];
+  // Cs = dt sqrt(mu / rho) / h, with the smallest altitude of all tets in mm.
+  const double speed = std::sqrt(5e3 / 2.9 / 1000.0);
+  const double altitude = testing::metric(out(), "altitude_min")["min"].get<double>() * 1e-3;
+  EXPECT_EQ(free, static_cast<int>(std::ceil(speed / (60.0 * 0.6 * altitude))));
+  const auto outcome =
+      run(input, {"cell_size=3mm", materials, "substeps=" + std::to_string(free / 2)});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  EXPECT_LE(testing::metric(out(), "time_step")["substeps_needed"].get<int>(), free / 2);
+  EXPECT_GT(testing::metric(out(), "cell_size").get<double>(), 3.5);
+  EXPECT_EQ(run(input, {"substeps=64"}).code, 3);  // without materials
 }
 
 TEST_F(Tetmesh, TheFormatsAskedForStandBesideTheMeshAndComeInAgain) {
