@@ -7,7 +7,7 @@ OUT := out/stages
 SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -name '*.cu' -o -name '*.cuh')
 
 .PHONY: help packages build run test check-format format clean \
-        stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu \
+        stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
         bench-solver bench-mesh judge-large
 
 help: ## this list
@@ -77,6 +77,13 @@ BENCH_CSV ?= out/bench/mesh.csv
 bench-mesh: build ## our tets, make_mesh_3's and HXT's on one body: BENCH_VOLUME, _LABELS, _TETS, _CSV
 	@mkdir -p $(dir $(BENCH_CSV))
 	@$(BIN)/bench_mesh $(BENCH_VOLUME) '$(BENCH_LABELS)' $(BENCH_CSV) $(BENCH_TETS)
+
+# ThreadSanitizer sees every pair of threads in the tests of equal bits; the rest has one thread.
+sanitize: ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
+	@cmake --preset asan >/dev/null && ninja -C build/asan -j $(JOBS) test_contract test_sim
+	@ctest --test-dir build/asan -L unit --output-on-failure -j $(JOBS)
+	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
+	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
 
 format: ## bring every source into the house style
 	@clang-format -i $(SOURCES)
