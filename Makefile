@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages build run test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu \
-        bench-solver bench-mesh judge-large
+        bench-solver bench-mesh
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -80,9 +80,6 @@ bench-mesh: build ## our tets, make_mesh_3's and HXT's on one body: BENCH_VOLUME
 
 format: ## bring every source into the house style
 	@clang-format -i $(SOURCES)
-
-judge-large: build ## the verification table with the bar of 28,800 tets against CalculiX
-	@VISCERA_JUDGE_LARGE=1 $(BIN)/test_solvers
 
 check-format: ## fail when a source is not in the house style
 	@clang-format --dry-run -Werror $(SOURCES)
