@@ -29,19 +29,33 @@ Shape shape_of(const Mat3<double>& rest_inverse) {
   return {1.0 / steepest, squares};
 }
 
-// Only the Neo-Hookean block has a limit: a scene without it has nothing to obey.
-StabilityLimit limit_of(const Stability& s, Method method) {
+// Of the position based effects only the Neo-Hookean block and Prony branches have a limit.
+StabilityLimit limit_of(const Stability& s, const Scene& scene, Method method) {
   if (method == Method::tled) return {"Courant", s.courant_max, courant_limit, s.courant_tet};
-  if (method == Method::fem) return {"none", 0.0, 1.0, 0};
+  const bool limited = scene.has<NeoHookean>() || scene.has<Prony>();
+  if (method == Method::fem || !limited) return {"none", 0.0, 1.0, 0};
   return {"Cs", s.cs_max, cs_limit, s.cs_tet};
+}
+
+// Of all elastic effects that are on together, Pa.
+double explicit_modulus(const Scene& scene, const Material& material) {
+  double sum = 0.0;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (requires { &Effect::explicit_modulus; }) {
+      for (const auto& params : std::get<i>(scene.effects)) {
+        sum += Effect::explicit_modulus(material, params);
+      }
+    }
+  });
+  return sum;
 }
 
 }  // namespace
 
-Stability assess(const Model& model, const TimeGrid& time, Method method) {
+Stability assess(const Model& model, const Scene& scene, Method method) {
   Stability result;
   result.altitude_min = std::numeric_limits<double>::infinity();
-  const double dt = time.substep_s();
+  const double dt = scene.time.substep_s();
   const auto keep_largest = [](double value, std::size_t tet, double& largest, std::size_t& where) {
     if (value > largest) largest = value, where = tet;
   };
@@ -54,18 +68,19 @@ Stability assess(const Model& model, const TimeGrid& time, Method method) {
     result.altitude_min = std::min(result.altitude_min, h);
     keep_largest(shear / h, t, result.cs_max, result.cs_tet);
     keep_largest(sound / h, t, result.kappa_max, result.kappa_tet);
-    keep_largest(sound * std::sqrt(spread), t, result.courant_max, result.courant_tet);
+    const double stiffest = std::sqrt(explicit_modulus(scene, material) / material.density);
+    keep_largest(dt * stiffest * std::sqrt(spread), t, result.courant_max, result.courant_tet);
   }
-  result.limit = limit_of(result, method);
-  const double needed = time.substeps * result.limit.value / result.limit.at_most;
+  result.limit = limit_of(result, scene, method);
+  const double needed = scene.time.substeps * result.limit.value / result.limit.at_most;
   result.substeps_needed = std::max(1.0, std::ceil(needed * (1.0 - 1e-12)));
   return result;
 }
 
 Stability apply_policy(const Model& model, Scene& scene, Method method) {
-  const Stability first = assess(model, scene.time, method);
+  const Stability first = assess(model, scene, method);
   const StabilityLimit& limit = first.limit;
-  if (!scene.has<NeoHookean>() || limit.value <= limit.at_most) return first;
+  if (limit.value <= limit.at_most) return first;
   if (scene.stability == StabilityPolicy::warn) return first;
   const double needed = first.substeps_needed;
   if (scene.stability == StabilityPolicy::refuse || needed > max_substeps) {
@@ -78,7 +93,7 @@ Stability apply_policy(const Model& model, Scene& scene, Method method) {
                   "raise time.substeps, soften the material, or mesh without slivers");
   }
   scene.time.substeps = static_cast<int>(needed);
-  return assess(model, scene.time, method);
+  return assess(model, scene, method);
 }
 
 }  // namespace viscera::sim

@@ -148,7 +148,8 @@ void sweep_group(const typename PackedElements<Effect, T>::Group& group, int ind
 // Sweeps groups [begin, end) of one effect; the pointer is to PackedElements<Effect, T>::Group.
 template <class T>
 using Sweep = void (*)(const void* groups, Range range, const SweepFields<T>& fields);
-// By arithmetic and effect; null for effects without elements.
+// By arithmetic and effect; null for effects without elements and for PBD of those that it cannot
+// solve.
 template <class T>
 using SweepTable = std::array<std::array<Sweep<T>, Effects::size>, arithmetic_count>;
 
@@ -168,7 +169,10 @@ void fill_sweeps(SweepTable<T>& table) {
     if constexpr (Effect::kind == EffectKind::element) {
       using enum Arithmetic;
       const auto fill = [&table]<Arithmetic arithmetic>() {
-        table[static_cast<int>(arithmetic)][i] = sweep_groups<isa, arithmetic, Effect, T>;
+        if constexpr (arithmetic == pbd && !is_projectable<Effect>) return;
+        // A force is the same under all.
+        constexpr Arithmetic own = Effect::rows > 0 ? arithmetic : xpbd_only;
+        table[static_cast<int>(arithmetic)][i] = sweep_groups<isa, own, Effect, T>;
       };
       fill.template operator()<xpbd_only>();
       fill.template operator()<xpbd_first>();

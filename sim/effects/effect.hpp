@@ -26,6 +26,9 @@
 //   static constexpr int memory;                 numbers that it keeps of each element, 0 at first
 //   template <class T> SIM_HD static void remember(rest, u, T memory[])   once at every substep
 //   and evaluate(rest, const T memory[], u, d, out).
+//   An elastic effect also has
+//   static double explicit_modulus(material, params)   M, Pa: at rest no mode of a tet is stiffer
+//       than M V sum |grad N_i|^2, for the limit of explicit dynamics (stability.hpp)
 // kind == force: an acceleration of every vertex
 //   template <class T> struct Device; static Device<T> device(model, params)
 //   template <class T> SIM_HD static Vec3<T> acceleration(device, rest_position, u, v)

@@ -74,6 +74,8 @@ struct Fibre {
     out.stiffness[0] = rest.stiffness;
     without_reference(out);
   }
+
+  static double explicit_modulus(const Material&, const Params& params) { return params.stiffness; }
 };
 
 }  // namespace viscera::sim

@@ -127,6 +127,11 @@ struct Hookean {
     without_reference(out);
   }
 
+  static double explicit_modulus(const Material& material, const Params&) {
+    const Lame constants = lame(material);
+    return constants.lambda + 2.0 * constants.mu;
+  }
+
   // J/m3
   static double energy_density(const Material& material, const Mat3<double>& h) {
     const Lame constants = lame(material);

@@ -52,10 +52,7 @@ struct NeoHookean {
   template <class T>
   SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> u[4], const Vec3<T> d[4],
                               Evaluation<T, rows, arity>& out) {
-    // Differences of u and of d apart: their sum would round away the substep's motion.
-    const Mat3<T> edges{{(u[1] - u[0]) + (d[1] - d[0]), (u[2] - u[0]) + (d[2] - d[0]),
-                         (u[3] - u[0]) + (d[3] - d[0])}};
-    const Mat3<T> h = edges * rest.rest_inverse;
+    const Mat3<T> h = displacement_gradient(u, d, rest.rest_inverse);
     const Mat3<T> cof_minus_i = cofactor_strain(h);
     const Mat3<T> f = plus_identity(T(1), h);
     const T norm_f = square_root(squared_norm(f));
@@ -69,6 +66,11 @@ struct NeoHookean {
     scatter(select(norm_f > T(0), T(1) / norm_f, T(0)), f, rest.rest_inverse, out.gradient[0]);
     scatter(T(1), plus_identity(T(1), cof_minus_i), rest.rest_inverse, out.gradient[1]);
     scatter(-rest.deviatoric, h - cof_minus_i, rest.rest_inverse, out.preload);
+  }
+
+  static double explicit_modulus(const Material& material, const Params&) {
+    const Lame constants = lame(material);
+    return constants.lambda + 2.0 * constants.mu;
   }
 
   // det(I + H) - 1 without the cancellation of det F - 1.

@@ -11,8 +11,8 @@
 // The five deviatoric coordinates of E - E_v (hookean.hpp) are constraints with k = 2 mu g V; E_v
 // follows at the start of every substep, exactly for a strain that is constant over it:
 // E_v += (1 - exp(-dt/tau)) (E - E_v). The branch is solved implicitly for a given E_v, and E_v
-// only ever follows E: it needs no more substeps than the elastic effect does (TLED: as explicit
-// as the rest, its limit is that of mu (1 + sum g)). Energy is lost to the first order in dt/tau.
+// only ever follows E: it does not lower the limit of Cs (stability.hpp); explicit dynamics has
+// that of mu (1 + sum g). Energy is lost to the first order in dt/tau.
 #pragma once
 
 #include "sim/effects/hookean.hpp"
@@ -75,6 +75,10 @@ struct Prony {
     }
     strain_gradients<1>(plus_identity(T(1), h), rest.rest_inverse, out.gradient);
     without_reference(out);
+  }
+
+  static double explicit_modulus(const Material& material, const Params& params) {
+    return 2.0 * lame(material).mu * params.modulus;
   }
 };
 

@@ -50,8 +50,13 @@ struct Volume {
     const Mat3<T> h = displacement_gradient(u, d, rest.rest_inverse);
     out.value[0] = NeoHookean::volume_strain(h);
     out.stiffness[0] = rest.stiffness;
-    NeoHookean::scatter(T(1), cofactor(plus_identity(T(1), h)), rest.rest_inverse, out.gradient[0]);
+    NeoHookean::scatter(T(1), plus_identity(T(1), NeoHookean::cofactor_strain(h)),
+                        rest.rest_inverse, out.gradient[0]);
     without_reference(out);
+  }
+
+  static double explicit_modulus(const Material& material, const Params&) {
+    return lame(material).lambda;
   }
 };
 

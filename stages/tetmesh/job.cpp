@@ -115,6 +115,7 @@ void MeshJob::take_labels(const StageRun& run) {
                  .allowed = "background all around",
                  .remedy = "pass the volume through viscera-labels, which pads"});
   }
+  components_ = find_components(*image_);
   fields_.emplace(*image_,
                   run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(frame));
 }
@@ -151,7 +152,7 @@ TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
     const auto interior = lattice > 0.0 ? surface_->seed_interior(lattice) : std::vector<Inside>();
     return surface_->mesh(names_.begin()->first, interior, sizing, slivers);
   }
-  const auto seeds = seed_interfaces(*fields_, *image_, sizing.facet_size);
+  const auto seeds = seed_interfaces(*fields_, *image_, components_, sizing.facet_size);
   const auto interior = lattice > 0.0 ? seed_interior(*fields_, lattice) : std::vector<Inside>();
   return mesh_fields(*fields_, seeds, interior, sizing, slivers);
 }

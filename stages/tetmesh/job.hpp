@@ -70,6 +70,7 @@ class MeshJob {
   double lattice_ = 0.0;  // constant of the inner lattice as a multiple of the cell size
   Sizing factors_;        // facet_size and facet_distance as multiples of the cell size
   std::optional<LabelImage> image_;
+  Components components_;  // of the image
   std::optional<MaterialFields> fields_;
   std::optional<SurfaceBody> surface_;
   double body_volume_ = 0.0;

@@ -113,6 +113,22 @@ Json judge_distance(StageRun& run, const TetMesh& mesh, const SurfaceMesh& surfa
   return {{"to_surface", to_json(found.to_surface)}, {"to_mesh", to_json(found.to_mesh)}};
 }
 
+Json judge_time_step(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& quality,
+                     const TimeGoal& goal) {
+  const TimeStep found = assess_time_step(mesh, quality, goal);
+  Json result{{"substeps_needed", found.substeps_needed}, {"labels", Json::array()}};
+  log::info("stable from {:.0f} substeps a frame on (Cs <= 0.6)", found.substeps_needed);
+  for (const auto& [label, least] : least_altitudes(goal)) {
+    const auto altitude = found.altitude.find(label);
+    if (altitude == found.altitude.end()) continue;
+    const std::string& name = mesh.label_names.at(label);
+    run.gate(name + ".altitude_min", altitude->second, ">=", least, "mm");
+    result["labels"].push_back(
+        {{"name", name}, {"altitude_min_mm", altitude->second}, {"needed_mm", least}});
+  }
+  return result;
+}
+
 }  // namespace
 
 Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& quality,
@@ -126,6 +142,8 @@ Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& qu
   run.gate("min_dihedral", smallest, ">=", run.param<double>("min_dihedral"), "deg");
   report["topology"] = judge_topology(run, mesh, wanted);
   if (wanted.surface) report["distance"] = judge_distance(run, mesh, *wanted.surface);
+  if (!wanted.time.materials.empty())
+    report["time_step"] = judge_time_step(run, mesh, quality, wanted.time);
   if (wanted.tets)
     run.gate("target_tets", std::abs(count(mesh.tets.size()) / *wanted.tets - 1.0), "<=", 0.1);
   report["smoothness"] = volume_smoothness(mesh, quality);

@@ -7,6 +7,7 @@
 #include "stages/common/stage_main.hpp"
 #include "stages/common/surface_mesh.hpp"
 #include "stages/tetmesh/measure.hpp"
+#include "stages/tetmesh/time_step.hpp"
 
 namespace viscera {
 
@@ -17,6 +18,7 @@ struct Wanted {
   std::optional<std::size_t> bodies;
   std::optional<double> tets;
   std::optional<SurfaceMesh> surface;  // of the body
+  TimeGoal time;
 };
 
 // Adds the gates and metrics of `mesh` to the run; returns what quality.json says.

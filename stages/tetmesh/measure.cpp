@@ -71,7 +71,8 @@ const std::array<Measure, measure_count>& measures() {
       Measure{"scaled_jacobian", "1", 0.0, 1.0, false},
       Measure{"condition", "1", 1.0, 10.0, true},
       Measure{"edge_ratio", "1", 1.0, 10.0, true},
-      Measure{"volume", "mm3", 0.0, 0.0, false}};  // high: the largest volume
+      Measure{"altitude_min", "mm", 0.0, 0.0, false},  // high: the largest one, as for the volume
+      Measure{"volume", "mm3", 0.0, 0.0, false}};
   return table;
 }
 
@@ -116,6 +117,9 @@ TetQuality measure_tet(const Vec& a, const Vec& b, const Vec& c, const Vec& d) {
   q[scaled_jacobian] = corner > 0.0 ? std::numbers::sqrt2 * six_volumes / corner : 0.0;
   q[condition] = flat ? infinity : condition_number(u, v, w);
   q[edge_ratio] = *shortest > 0.0 ? *longest / *shortest : infinity;
+  double largest = 0.0;  // twice the area
+  for (const auto& n : normal) largest = std::max(largest, norm(n));
+  q[altitude_min] = largest > 0.0 ? six_volumes / largest : 0.0;
   q[volume] = six_volumes / 6.0;
   return q;
 }

@@ -1,5 +1,5 @@
 // How good each tetrahedron is, and what the whole mesh makes of it. Names and definitions are
-// those of the Verdict library (Sandia SAND2007-1751), besides the two angles.
+// those of the Verdict library (Sandia SAND2007-1751), besides the two angles and the altitude.
 //
 //   dihedral_min, dihedral_max   deg, between the faces at an edge; 70.53 in a regular tet
 //   radius_ratio                 circumradius / (3 inradius); 1 is best, grows without bound
@@ -26,6 +26,7 @@ enum MeasureId {
   scaled_jacobian,
   condition,
   edge_ratio,
+  altitude_min,
   volume,
   measure_count
 };

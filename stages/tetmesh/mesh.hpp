@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "stages/common/label_components.hpp"
 #include "stages/common/surface_mesh.hpp"
 #include "stages/common/tet_mesh.hpp"
 #include "stages/tetmesh/material_fields.hpp"
@@ -34,10 +35,10 @@ struct Seed {
   int inside = 0, outside = 0;  // labels; 0 is background
 };
 
-// Seeds on every interface of every component, about 1.5 `spacing` apart and closer on small
-// components, so that none is overlooked.
+// Seeds on every interface of every component (find_components(image)), about 1.5 `spacing` apart
+// and closer on small components, so that none is overlooked.
 std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage& image,
-                                  double spacing);
+                                  const Components& components, double spacing);
 
 // A point well inside a material, where refinement finds its work done.
 struct Inside {

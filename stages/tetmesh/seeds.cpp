@@ -65,9 +65,8 @@ bool find_interface(const MaterialFields& fields, Point a, Point b, Seed& seed) 
 }  // namespace
 
 std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage& image,
-                                  double spacing) {
+                                  const Components& components, double spacing) {
   const Frame& frame = image.frame;
-  const Components components = find_components(image);
   std::vector<double> apart(components.list.size());
   for (std::size_t c = 0; c < apart.size(); ++c) {
     const double volume = static_cast<double>(components.list[c].voxels) * frame.voxel_volume();

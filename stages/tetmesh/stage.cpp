@@ -20,6 +20,8 @@
 namespace viscera {
 namespace {
 
+constexpr int coarsenings = 5;
+
 std::vector<Param> params() {
   return {
       {.name = "route",
@@ -82,7 +84,15 @@ std::vector<Param> params() {
       {.name = "materials",
        .type = ParamType::map,
        .fallback = Json::object(),
-       .doc = "for inp and feb: {label name: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3}}"},
+       .doc = "{label name: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3}}, for inp, feb and substeps"},
+      {.name = "substeps",
+       .type = ParamType::integer,
+       .fallback = nullptr,
+       .lo = 1.0,
+       .hi = 1e6,
+       .doc = "with materials: substeps a frame in which a simulation shall be stable (Cs <= 0.6); "
+              "cell_size is raised as far as that needs, and a gate says whether it was enough"},
+      quantity("frame_rate", "60 Hz", "Hz", 1.0, 1e5, "frames a second, for substeps"),
       quantity("min_dihedral", "10 deg", "deg", 0.0, 70.0, "gate: smallest dihedral angle"),
       quantity("max_volume_error", "2 %", "1", 0.0, 1.0,
                "gate: volume of the body against its input"),
@@ -150,28 +160,65 @@ double expected_tets(const StageRun& run, const MeshJob& job) {
   return job.expected_tets(cell_size);
 }
 
-double settle_cell_size(const StageRun& run, MeshJob& job) {
-  if (run.has_param("target_tets"))
-    return job.find_cell_size(run.param<std::size_t>("target_tets"));
-  const double cell_size = run.param<double>("cell_size");
+void calibrate(const StageRun& run, MeshJob& job, double cell_size) {
   const int passes = job.by_fields() ? run.param<int>("volume_passes") : 0;
   for (int pass = 0; pass < passes; ++pass) {
     log::progress("tets", 0.3 * pass / passes, "calibrating volumes");
     job.calibrate(cell_size);
   }
+}
+
+double settle_cell_size(const StageRun& run, MeshJob& job) {
+  if (run.has_param("target_tets"))
+    return job.find_cell_size(run.param<std::size_t>("target_tets"));
+  const double cell_size = run.param<double>("cell_size");
+  calibrate(run, job, cell_size);
   return cell_size;
+}
+
+// A mesh whose altitudes are large enough for the substeps asked for. They grow with the cell size,
+// but not evenly: a few tries.
+MeshJob::Result mesh_for(const StageRun& run, MeshJob& job, const TimeGoal& goal,
+                         double& cell_size) {
+  log::progress("tets", 0.3, "refining");
+  MeshJob::Result result = job.mesh(cell_size);
+  if (run.has_param("target_tets")) return result;
+  for (int attempt = 1; attempt < coarsenings; ++attempt) {
+    const double factor =
+        shortfall(assess_time_step(result.mesh, measure(result.mesh), goal), goal);
+    if (factor <= 1.0) break;
+    log::info("cell size {:.3g} mm: altitudes {:.3g} times too small for {} substeps", cell_size,
+              factor, *goal.substeps);
+    cell_size *= 1.03 * factor;
+    calibrate(run, job, cell_size);
+    result = job.mesh(cell_size);
+  }
+  return result;
+}
+
+TimeGoal time_goal(const StageRun& run, const std::map<int, std::string>& names) {
+  TimeGoal goal{.frame_s = 1.0 / run.param<double>("frame_rate"),
+                .materials = read_materials(run.params().at("materials"), names)};
+  if (!run.has_param("substeps")) return goal;
+  goal.substeps = run.param<int>("substeps");
+  if (!goal.materials.empty()) return goal;
+  throw Error(ExitCode::bad_config, {.where = "parameters",
+                                     .field = "substeps",
+                                     .found = "given without materials",
+                                     .allowed = "both, or neither",
+                                     .remedy = "add materials: {NAME: {E: ..., nu: ..., density: "
+                                               "...}}"});
 }
 
 Made make_mesh(StageRun& run) {
   MeshJob job(run);
-  read_materials(run.params().at("materials"), job.names());  // before the work, not after it
+  const TimeGoal time = time_goal(run, job.names());
   const double tets = expected_tets(run, job), memory = job.estimate_memory(tets);
   log::info("expecting about {:.0f} thousand tets and {:.0f} MB", tets / 1e3, memory / 1e6);
   const Watchdog watchdog(run.param<double>("time_limit"), memory, run.out(""));
-  const double cell_size = settle_cell_size(run, job);
-  log::progress("tets", 0.3, "refining");
+  double cell_size = settle_cell_size(run, job);
   const std::clock_t begin = std::clock();  // the mesher has one thread: CPU time is its own
-  auto [mesh, mended, improved] = job.mesh(cell_size);
+  auto [mesh, mended, improved] = mesh_for(run, job, time, cell_size);
   run.machine_metric("meshing", static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC, "s");
   log::progress("tets", 1.0);
   if (mesh.tets.empty()) {
@@ -187,7 +234,8 @@ Made make_mesh(StageRun& run) {
   Made made{.mesh = std::move(mesh),
             .wanted = {.label_volumes = job.label_volumes(),
                        .body_volume = job.body_volume(),
-                       .bodies = job.bodies()},
+                       .bodies = job.bodies(),
+                       .time = time},
             .how = {{"route", job.by_fields() ? "fields" : "surface"},
                     {"cell_size_mm", cell_size},
                     {"mended", mended_json(mended)}}};
@@ -222,7 +270,10 @@ Made take_mesh(StageRun& run) {
                                        .found = "cgal, for a mesh that Mesh_3 did not make",
                                        .allowed = "auto, own or none"});
   }
-  if (improver == "own") made.how["improved"] = improved_json(improve(made.mesh, {}));
+  made.wanted.time = time_goal(run, made.mesh.label_names);
+  if (improver == "own") {
+    made.how["improved"] = improved_json(improve(made.mesh, {}));
+  }
   return made;
 }
 
@@ -230,12 +281,11 @@ void run_tetmesh(StageRun& run) {
   Made made = run.has_input("mesh") ? take_mesh(run) : make_mesh(run);
   TetMesh& mesh = made.mesh;
   if (run.has_input("surface")) made.wanted.surface = body_of(read_vtp(run.input("surface")));
-  const auto materials = read_materials(run.params().at("materials"), mesh.label_names);
   const auto quality = measure(mesh);
   Json report = judge(run, mesh, quality, made.wanted);
   for (const auto& [key, value] : made.how.items()) report[key] = value;
   add_cell_data(mesh, quality);
-  const TetExport body = prepare_export(mesh, materials);
+  const TetExport body = prepare_export(mesh, made.wanted.time.materials);
   for (const auto& format : chosen_formats(run.params().at("formats")))
     format.write(run.out(format.file), body);
   write_atomically(run.out("quality.json"), report.dump(1) + "\n");

@@ -3,6 +3,7 @@
 #include <vtkNew.h>
 #include <vtkPoints.h>
 #include <vtkTetra.h>
+#include <vtkTriangle.h>
 
 #include <cmath>
 #include <limits>
@@ -77,6 +78,11 @@ TEST(TetQuality, EveryMeasureAgreesWithVerdict) {
     EXPECT_NEAR(q[scaled_jacobian], vtkMeshQuality::TetScaledJacobian(tet), 1e-9);
     EXPECT_NEAR(q[condition] / vtkMeshQuality::TetCondition(tet), 1.0, 1e-9);
     EXPECT_NEAR(q[edge_ratio], vtkMeshQuality::TetEdgeRatio(tet), 1e-9);
+    double face = 0.0;  // the largest
+    for (int f = 0; f < 4; ++f) {
+      face = std::max(face, vtkTriangle::SafeDownCast(tet->GetFace(f))->ComputeArea());
+    }
+    EXPECT_NEAR(q[altitude_min], 3.0 * q[volume] / face, 1e-9);
     EXPECT_NEAR(q[volume], vtkMeshQuality::TetVolume(tet), 1e-12);
     const auto [smallest, largest] = dihedrals_seen_along_edges(p);
     EXPECT_NEAR(q[dihedral_min], smallest, 1e-6);

@@ -103,7 +103,34 @@ TEST_F(Simulate, ADroppedBodyRestsAndLeavesAReadableTrajectory) {
   double lowest = 1e9;
   for (std::size_t i = 2; i < last.size(); i += 3) lowest = std::min<double>(lowest, last[i]);
   EXPECT_NEAR(lowest, 20.0, 0.05);  // 5 mm below the face, less load dt^2 / mass
-  EXPECT_EQ(metric("effects_off"), Json::array());
+  EXPECT_EQ(metric("effects_on").size(), 4u);
+  for (const auto& off : metric("effects_off")) {
+    for (const auto& on : metric("effects_on")) EXPECT_NE(on, off);
+  }
+}
+
+TEST_F(Simulate, EffectsActOnWhatTheSceneSelects) {
+  const std::string held = with(drop_scene, "  ground: {clearance: 5 mm, friction: 0.3}\n",
+                                "  spring: {stiffness: 1 kPa/mm, side: superior}\n"
+                                "  pressure: {pressure: 0.2 kPa, box_lo: [-1 m, -1 m, 0 mm], "
+                                "box_hi: [1 m, 1 m, 26 mm]}\n"
+                                "  fibre: {stiffness: 2 kPa, direction: [1, 0, 0], label: liver}\n"
+                                "  prony:\n"
+                                "    - {modulus: 0.3, time: 50 ms}\n"
+                                "    - {modulus: 0.2, time: 0.5 s}\n");
+  ASSERT_EQ(run(held, {"--set", "end=0.1s"}), 0) << errors;
+  EXPECT_EQ(metric("effects_on").size(), 7u);
+  const Json scene = Json::parse(read_file(path("out") / "scene.json"));
+  EXPECT_EQ(scene["effects"]["spring"][0]["stiffness"], 1e6);
+  EXPECT_EQ(scene["effects"]["spring"][0]["side"], "superior");
+  EXPECT_DOUBLE_EQ(scene["effects"]["pressure"][0]["box_hi"][2].get<double>(), 0.026);
+  EXPECT_EQ(scene["effects"]["prony"].size(), 2u);
+  EXPECT_EQ(run(with(held, "superior", "top")), 3);
+  EXPECT_NE(errors.find("effects.spring.side"), std::string::npos) << errors;
+  EXPECT_EQ(run(with(held, "label: liver", "label: spleen")), 3);
+  EXPECT_NE(errors.find("one of: liver"), std::string::npos) << errors;
+  EXPECT_EQ(run(with(held, "stiffness: 2 kPa, ", "")), 3);
+  EXPECT_NE(errors.find("effects.fibre.stiffness: missing"), std::string::npos) << errors;
 }
 
 TEST_F(Simulate, EqualRunsGiveEqualFilesWhateverTheThreads) {
