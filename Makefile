@@ -88,9 +88,6 @@ sanitize: ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
 format: ## bring every source into the house style
 	@clang-format -i $(SOURCES)
 
-judge-large: build ## the verification table with the bar of 28,800 tets against CalculiX
-	@VISCERA_JUDGE_LARGE=1 $(BIN)/test_solvers
-
 check-format: ## fail when a source is not in the house style
 	@clang-format --dry-run -Werror $(SOURCES)
 

@@ -334,11 +334,14 @@ Json to_json(const SceneFile& file) {
   }
   json["effects"] = Json::object();
   sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+    Json named = Json::array();
     for (const auto& params : std::get<i>(file.scene.effects)) {
-      Json& effect = json["effects"][Effect::name].emplace_back(Json::object());
+      Json& effect = named.emplace_back(Json::object());
       std::apply([&](const auto&... f) { ((effect[f.name] = field_json(f, params)), ...); },
                  Effect::fields());
     }
+    // As a scene is written: a map, or a list of maps for what is named several times.
+    if (!named.empty()) json["effects"][Effect::name] = named.size() == 1 ? named[0] : named;
   });
   const auto& scene = file.scene;
   json["time"] = {

@@ -45,12 +45,12 @@ void run_rows(std::vector<Row>& rows);
 
 // A failure that is known, with the figure reached (miss_of): tests fail when it gets worse.
 struct KnownMiss {
-  std::string name, solver, precision;
+  std::string name, solver, precision;  // precision "": any
   double miss;
 };
 
-// What is wrong with the rows: failures that are not known, or worse than known, and known misses
-// that are none any more. Empty: nothing.
+// What is wrong with the rows: failures that are not known, or worse than known. Known misses that
+// are none any more are told on stdout.
 std::vector<std::string> complaints(const std::vector<Row>& rows,
                                     const std::vector<KnownMiss>& known);
 

@@ -7,6 +7,7 @@
 #include "sim/coloring.hpp"
 #include "sim/refusal.hpp"
 #include "sim/stability.hpp"
+#include "sim/start.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -46,6 +47,9 @@ TEST(Model, BadMeshesAreRefusedWithTheFieldNamed) {
   auto stray = corner;
   stray.push_back({1, 1, 1});
   EXPECT_EQ(refused_field(stray, {{0, 1, 2, 3}}, {1}, one), "points");
+  auto twins = corner;
+  twins.insert(twins.end(), {corner[1], corner[2], corner[3], {0.01, 0.01, 0.01}});
+  EXPECT_EQ(refused_field(twins, {{0, 1, 2, 3}, {4, 5, 6, 7}}, {1, 1}, one), "points");
   auto flat = corner;
   flat[3] = {0.005, 0.005, 1e-17};
   EXPECT_EQ(refused_field(flat, {{0, 1, 2, 3}}, {1}, one), "tetrahedra");
@@ -85,6 +89,26 @@ RC_GTEST_PROP(Coloring, NoTwoElementsOfAColorShareAVertex, ()) {
     }
   }
   for (const int count : times) RC_ASSERT(count == 1);
+}
+
+TEST(Start, ACollapsedForeignOrBrokenStateIsRefusedAndAFlatOneIsNot) {
+  const Model model = make_cube(2);
+  const auto pressed = [&model](double y, double z) {
+    State state;
+    for (const auto& x : model.rest) {
+      state.u.push_back({0.0, (y - 1.0) * x.y, (z - 1.0) * x.z});
+      state.v.emplace_back();
+    }
+    return state;
+  };
+  EXPECT_NO_THROW(check_start(model, pressed(1.0, 0.0)));
+  EXPECT_NO_THROW(check_start(model, pressed(1.0, -1.0)));
+  EXPECT_THROW(check_start(model, pressed(0.0, 0.0)), Refusal);
+  State broken = pressed(1.0, 1.0), foreign = broken;
+  broken.v[1].y = std::numeric_limits<double>::quiet_NaN();
+  foreign.u.pop_back();
+  EXPECT_THROW(check_start(model, broken), Refusal);
+  EXPECT_THROW(check_start(model, foreign), Refusal);
 }
 
 TEST(Stability, CsAndKappaMatchTheirDefinitionOnOneTet) {

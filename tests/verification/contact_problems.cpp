@@ -76,31 +76,35 @@ Outcome stopping(const SolverOptions& options) {
           ""};
 }
 
-// One stiff tet a cube: the law is that of vertices, so the body must not take up energy itself.
+// The law is that of vertices, so nothing holds these together: h_n = e^(2n) h_0.
 Outcome bouncing(const SolverOptions& options, double restitution) {
-  Material stiff = soft_tissue;
-  stiff.youngs_modulus = 2e5;
-  const Model model = make_cube(1, stiff, 0.02);
-  Scene scene = own_weight();
+  constexpr double drop = 0.1;
+  const Model model = make_cube(1, soft_tissue, 0.02);
+  Scene scene;
+  scene.params<Gravity>().emplace_back();
   auto& ground = scene.params<Ground>().emplace_back();
-  ground.clearance = 0.1;
+  ground.clearance = drop;
   ground.restitution = restitution;
+  std::size_t low = 0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    if (model.rest[i].z < model.rest[low].z) low = i;
+  }
   Run run(model, scene, options);
-  double height = 0.0, before = -1.0;  // of the first bounce over the drop
-  while (run.time() < 0.45 && run.advance()) {
-    double z = 0.0, v = 0.0;
-    for (std::size_t i = 0; i < model.vertex_count(); ++i) {
-      z += run.state().u[i].z / static_cast<double>(model.vertex_count());
-      v += run.state().v[i].z / static_cast<double>(model.vertex_count());
-    }
-    if (before > 0.0 || v > 0.0)
-      height = std::max(height, (0.1 + z + 0.5 * v * std::abs(v) / g) / 0.1);
+  std::vector<double> heights;  // over the drop, after every bounce, from speed and place
+  double before = -1.0;
+  while (heights.size() < 2 && run.time() < 1.0 && run.advance()) {
+    const double v = run.state().v[low].z, z = drop + run.state().u[low].z;
+    if (before < 0.0 && v > 0.0) heights.push_back((z + 0.5 * v * v / g) / drop);
     before = v;
   }
-  const double expected = restitution * restitution;
-  return {{{"height / drop − e²", std::abs(height - expected), 0.05}},
-          fmt::format("{:.3f}, e² {:.3f}", height, expected),
-          ""};
+  Outcome outcome;
+  for (std::size_t n = 0; n < 2; ++n) {
+    const double expected = std::pow(restitution, 2.0 * (static_cast<double>(n) + 1.0));
+    const double reached = n < heights.size() ? heights[n] : 0.0;
+    outcome.measures.push_back(
+        {fmt::format("bounce {} off by", n + 1), std::abs(reached / expected - 1.0), 0.05});
+  }
+  return outcome;
 }
 
 }  // namespace
@@ -120,9 +124,10 @@ void add_contact_problems(std::vector<Row>& rows) {
     }
     add("slides down 35°, 64 × 4", "xpbd gauss_seidel", [more] { return sliding(more, 64); });
     add("stopping distance", "xpbd gauss_seidel", [options] { return stopping(options); });
-    for (const double e : {0.0, 0.5, 0.9}) {
-      rows.push_back({"restitution", fmt::format("first bounce, e {}", e), "xpbd gauss_seidel",
-                      name_of(precision), [options, e] { return bouncing(options, e); }});
+    for (const double e : {0.5, 0.9}) {
+      rows.push_back({"restitution", fmt::format("vertices that fall 10 cm, e {}", e),
+                      "xpbd gauss_seidel", name_of(precision),
+                      [options, e] { return bouncing(options, e); }});
     }
   }
 }

@@ -6,7 +6,13 @@
 namespace viscera::sim {
 namespace {
 
-const std::vector<KnownMiss> known_misses = {};
+const std::vector<KnownMiss> known_misses = {
+    {"bar of 3,600 tets, 64 substeps", "xpbd gauss_seidel", "fp64", 1.66},
+    {"64 sweeps a frame, as substeps × iterations", "xpbd gauss_seidel", "fp64", 1},
+    // Explicit dynamics keeps an energy near this one, which therefore swings.
+    {"never rises", "tled", "fp32", 2.48e4},
+    {"never rises", "tled", "fp64", 2.48e7},
+};
 
 const std::string head = R"(# Verification
 

@@ -1,0 +1,47 @@
+// The hard cases that fail, with the figure reached (miss_of): the suite is green only while none
+// gets worse. The table says "failed" all the same.
+#pragma once
+
+#include <limits>
+
+#include "tests/results/outcome.hpp"
+
+namespace viscera::sim {
+
+inline const std::vector<KnownMiss> known_misses = [] {
+  constexpr double unbounded = std::numeric_limits<double>::infinity();
+  return std::vector<KnownMiss>{
+      // The scrambled cube finds another equilibrium, without inverted tets, at nu 0.45; not at
+      // 0.3.
+      {"random scramble, 20 seeds, ν 0.45", "xpbd gauss_seidel", "", 20},
+      {"random scramble, 20 seeds, ν 0.45", "xpbd block_gauss_seidel", "", 19},
+      {"random scramble, 20 seeds, ν 0.45", "xpbd jacobi, split 4", "", 20},
+      {"random scramble, 20 seeds, ν 0.45", "tled", "", 19},
+      {"random scramble, 20 seeds, ν 0.45", "fem", "", 20},
+      // The same, for some orders of the elements; explicit dynamics is beyond its limit when the
+      // bar is five times as long, which the check at rest cannot see.
+      {"twist 720° and stretch ×5, release", "xpbd gauss_seidel", "", 4.82},
+      {"twist 720° and stretch ×5, release", "xpbd jacobi, split 4", "", 1.57},
+      {"twist 720° and stretch ×5, release", "tled", "", unbounded},
+      {"twist 720° and stretch ×5, release", "fem", "", 2.02},
+      // At the Cs limit one iteration a substep is not converged where stiff and heavy parts meet.
+      {"stiffness jump 1e2", "xpbd gauss_seidel", "", 1.33},
+      {"stiffness jump 1e2", "xpbd block_gauss_seidel", "", 1.33},
+      {"stiffness jump 1e2", "xpbd jacobi, split 4", "", 11.1},
+      {"mass ratio 1e4", "xpbd gauss_seidel", "", 9.92},
+      {"mass ratio 1e4", "xpbd block_gauss_seidel", "", 30.6},
+      // Jacobi with split 4 gains energy at the Cs that Gauss-Seidel bears.
+      {"mass ratio 1e4", "xpbd jacobi, split 4", "", 364},
+      {"1/30 s with one substep, policy substeps", "xpbd jacobi, split 4", "", 91.6},
+      // Newton stops at a saddle, at round-off of the residual, or in contact, and says so.
+      {"mirror", "fem", "", 1.71e6},
+      {"random scramble, 20 seeds, ν 0.3", "fem", "", 1},
+      {"stiffness jump 1e4", "fem", "", 1},
+      {"stiffness jump 1e6", "fem", "", 1},
+      {"crush at E 500 Pa, 10 g, then free", "fem", "", 1},
+      // Not the same bits in every run.
+      {"two runs", "fem", "", 1},
+  };
+}();
+
+}  // namespace viscera::sim
