@@ -201,7 +201,7 @@ class Improver {
 }  // namespace
 
 Improved improve(TetMesh& mesh, const Projector& project, const ImproveOptions& options) {
-  Stars stars(mesh, project, options.valence);
+  Stars stars(mesh, project, options);
   const Improved result = Improver(stars, options).run();
   stars.extract(mesh);
   return result;
