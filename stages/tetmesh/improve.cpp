@@ -20,6 +20,7 @@ constexpr double late_goal = 0.8;  // as a part of the goal
 // `good` on average (those of the inner lattice are) stay where they are.
 constexpr double fair = 0.6, good = 0.8;
 constexpr int settling_sweeps = 5, sharing_sweep = 2;
+constexpr int last_rounds = 4;
 
 class Improver {
  public:
@@ -42,6 +43,7 @@ class Improver {
     }
     if (options_.progress) options_.progress(0.8);
     raise_mean();
+    last_resort();
     result_.worst_after = worst();
     return result_;
   }
@@ -173,6 +175,14 @@ class Improver {
       log::check_interrupt();
       settle_all();
     }
+  }
+
+  // What was stuck may move again once its surroundings have changed.
+  void last_resort() {
+    goal_ = options_.poor;
+    for (int round = 0; round < last_rounds && work_on_worst(); ++round) settle_all();
+    share_busy();
+    goal_ = options_.goal;
   }
 
   void swap_an_edge(const Tet& corners) {
