@@ -20,6 +20,7 @@ constexpr double late_goal = 0.8;  // as a part of the goal
 // `good` on average (those of the inner lattice are) stay where they are.
 constexpr double fair = 0.6, good = 0.8;
 constexpr int settling_sweeps = 5, sharing_sweep = 2;
+constexpr int last_rounds = 4;
 
 class Improver {
  public:
@@ -42,6 +43,7 @@ class Improver {
     }
     if (options_.progress) options_.progress(0.8);
     raise_mean();
+    last_resort();
     result_.worst_after = worst();
     return result_;
   }
@@ -175,6 +177,14 @@ class Improver {
     }
   }
 
+  // What was stuck may move again once its surroundings have changed.
+  void last_resort() {
+    goal_ = options_.poor;
+    for (int round = 0; round < last_rounds && work_on_worst(); ++round) settle_all();
+    share_busy();
+    goal_ = options_.goal;
+  }
+
   void swap_an_edge(const Tet& corners) {
     for (const auto& ends : edge_ends)
       if (swap_edge(mesh_, corners[ends[0]], corners[ends[1]], options_.goal)) {
@@ -201,7 +211,7 @@ class Improver {
 }  // namespace
 
 Improved improve(TetMesh& mesh, const Projector& project, const ImproveOptions& options) {
-  Stars stars(mesh, project, options.valence);
+  Stars stars(mesh, project, options);
   const Improved result = Improver(stars, options).run();
   stars.extract(mesh);
   return result;

@@ -20,11 +20,12 @@ constexpr double altitude_weight = 1.5;
 constexpr double on_surface = 0.05, on_curve = 0.5;
 
 // The size wanted around a point is never below this part of the mean over all points: what is
-// finer than the mesh as a whole would set the time step of a simulation for all of it.
+// finer than the mesh as a whole would set the time step of a simulation for all of it. Not so
+// where sizes are graded on purpose.
 constexpr double least_size = 0.9;
 
 // Mean edge length around each point, then averaged once over neighbours.
-std::vector<double> local_sizes(const TetMesh& mesh) {
+std::vector<double> local_sizes(const TetMesh& mesh, double least) {
   std::vector<double> sum(mesh.points.size()), count(mesh.points.size());
   for (const auto& tet : mesh.tets)
     for (int i = 0; i < 4; ++i)
@@ -49,7 +50,7 @@ std::vector<double> local_sizes(const TetMesh& mesh) {
     if (count[p] > 0.0) smoothed[p] /= count[p];
   const double mean = std::accumulate(smoothed.begin(), smoothed.end(), 0.0) /
                       static_cast<double>(std::max<std::size_t>(1, smoothed.size()));
-  for (double& x : smoothed) x = std::max(x, least_size * mean);
+  for (double& x : smoothed) x = std::max(x, least * mean);
   return smoothed;
 }
 
@@ -80,16 +81,16 @@ double tet_quality(const Vec& a, const Vec& b, const Vec& c, const Vec& d, doubl
                    altitude_weight * altitude / (best_altitude * size), 1.0});
 }
 
-Stars::Stars(const TetMesh& mesh, const Projector& project, int valence)
+Stars::Stars(const TetMesh& mesh, const Projector& project, const ImproveOptions& options)
     : points_(mesh.points),
       tets_(mesh.tets),
       labels_(mesh.labels),
       stars_(mesh.points.size()),
-      sizes_(local_sizes(mesh)),
+      sizes_(local_sizes(mesh, options.graded ? 0.0 : least_size)),
       boundary_(mesh.points.size(), 0),
       movable_(mesh.points.size(), 1),
       stamps_(mesh.points.size(), 0),
-      valence_(valence),
+      valence_(options.valence),
       project_(project) {
   for (std::size_t t = 0; t < tets_.size(); ++t)
     for (const int corner : tets_[t]) stars_[corner].push_back(static_cast<int>(t));

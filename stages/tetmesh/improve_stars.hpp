@@ -25,8 +25,7 @@ struct Ring {
 
 class Stars {
  public:
-  // `valence`: tets around a point beyond which changes avoid to go.
-  Stars(const TetMesh& mesh, const Projector& project, int valence = 40);
+  Stars(const TetMesh& mesh, const Projector& project, const ImproveOptions& options = {});
 
   // The tets that are left and their points, in order of first use.
   void extract(TetMesh& mesh) const;
@@ -83,7 +82,7 @@ class Stars {
   std::vector<char> boundary_, movable_;
   std::vector<long> stamps_;
   long now_ = 0;
-  int valence_;
+  int valence_;  // tets around a point beyond which changes avoid to go
   const Projector& project_;
 };
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
@@ -81,6 +82,7 @@ MeshJob::MeshJob(const StageRun& run) {
   slivers_ = {.perturb_and_exude = improver == "cgal", .angle = run.param<double>("sliver_angle")};
   if (labels) take_labels(run);
   if (!by_fields_) take_surface(run);
+  take_sizes(run);
 }
 
 void MeshJob::take_labels(const StageRun& run) {
@@ -120,6 +122,32 @@ void MeshJob::take_labels(const StageRun& run) {
                   run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(frame));
 }
 
+void MeshJob::take_sizes(const StageRun& run) {
+  const Json& given = run.params().at("sizes");
+  sizes_ = {.at_interfaces = run.param<double>("interface_size"),
+            .grading = run.param<double>("grading")};
+  const Param size = quantity("sizes", nullptr, "mm", 0.05, 500.0, "cell size of a label");
+  for (const auto& [name, value] : given.items()) {
+    const auto label = std::find_if(names_.begin(), names_.end(), [&key = name](const auto& entry) {
+      return entry.second == key;
+    });
+    if (label == names_.end()) {
+      std::vector<std::string> known;
+      for (const auto& [id, text] : names_) known.push_back(text);
+      throw Error(ExitCode::bad_config, {.where = "parameters",
+                                         .field = "sizes." + name,
+                                         .found = "no label of that name",
+                                         .remedy = suggest(name, known)});
+    }
+    sizes_.label_sizes[label->first] =
+        resolve_value(size, value, "parameters", "sizes." + name).get<double>();
+  }
+  if (!by_fields_ && !sizes_.uniform()) {
+    throw bad_route("surface, with sizes or interface_size",
+                    "add --in labels=FILE and use route: fields, or leave the sizes out");
+  }
+}
+
 void MeshJob::take_surface(const StageRun& run) {
   const std::string file = run.input("surface").string();
   const SurfaceMesh surface = body_surface(read_vtp(run.input("surface")), file);
@@ -142,19 +170,43 @@ void MeshJob::take_surface(const StageRun& run) {
   label_volumes_[names_.begin()->first] = body_volume_;
 }
 
+// A lattice for every size that labels have of their own; where sizes are graded there is none.
+std::vector<Inside> MeshJob::lattice(const Sizing& sizing) const {
+  constexpr double graded = 0.9;
+  if (lattice_ <= 0.0) return {};
+  std::set<double> sizes;
+  const auto own = [&](int label) {
+    const auto given = sizes_.label_sizes.find(label);
+    return given == sizes_.label_sizes.end() ? sizing.cell_size : given->second;
+  };
+  for (const auto& [label, volume] : label_volumes_) sizes.insert(own(label));
+  std::vector<Inside> sites;
+  for (const double size : sizes)
+    for (const auto& site : seed_interior(*fields_, lattice_ * size)) {
+      const double here = sizing.cell_size * sizing.scale_at(site.point);
+      if (own(site.label) == size && here >= graded * size) sites.push_back(site);
+    }
+  return sites;
+}
+
 TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
   Sizing sizing = factors_;
   sizing.cell_size = cell_size;
   sizing.facet_size *= cell_size;
   sizing.facet_distance *= cell_size;
-  const double lattice = lattice_ * cell_size;
   if (!by_fields_) {
-    const auto interior = lattice > 0.0 ? surface_->seed_interior(lattice) : std::vector<Inside>();
+    const auto interior =
+        lattice_ > 0.0 ? surface_->seed_interior(lattice_ * cell_size) : std::vector<Inside>();
     return surface_->mesh(names_.begin()->first, interior, sizing, slivers);
   }
-  const auto seeds = seed_interfaces(*fields_, *image_, components_, sizing.facet_size);
-  const auto interior = lattice > 0.0 ? seed_interior(*fields_, lattice) : std::vector<Inside>();
-  return mesh_fields(*fields_, seeds, interior, sizing, slivers);
+  double largest = 1.0;
+  if (!sizes_.uniform()) {
+    const auto field = std::make_shared<const SizeField>(*image_, sizes_, cell_size);
+    sizing.scale = [field, cell_size](const Vec& p) { return field->at(p) / cell_size; };
+    largest = field->largest() / cell_size;
+  }
+  const auto seeds = seed_interfaces(*fields_, *image_, components_, sizing, largest);
+  return mesh_fields(*fields_, seeds, lattice(sizing), sizing, slivers);
 }
 
 void MeshJob::assign_labels(TetMesh& mesh) const {
@@ -168,7 +220,7 @@ void MeshJob::assign_labels(TetMesh& mesh) const {
 
 MeshJob::Result MeshJob::mesh(double cell_size) const {
   const auto progress = [](double part) { log::progress("tets", 0.5 + 0.5 * part, "improving"); };
-  return build(cell_size, slivers_, {.progress = progress});
+  return build(cell_size, slivers_, {.graded = !sizes_.uniform(), .progress = progress});
 }
 
 MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
@@ -189,7 +241,9 @@ MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
 }
 
 double MeshJob::expected_tets(double cell_size) const {
-  return estimate_tets(body_volume_, cell_size, lattice_ * cell_size);
+  const double uniform = estimate_tets(body_volume_, cell_size, lattice_ * cell_size);
+  if (!by_fields_ || sizes_.uniform()) return uniform;
+  return uniform * SizeField(*image_, sizes_, cell_size).crowding();
 }
 
 void MeshJob::check_cell_size(double cell_size) const {
@@ -212,7 +266,8 @@ double MeshJob::estimate_memory(double tets) const {
 }
 
 std::size_t MeshJob::calibrate(double cell_size) {
-  const TetMesh trial = build(cell_size, {}, {.rounds = trial_rounds}).mesh;
+  const TetMesh trial =
+      build(cell_size, {}, {.rounds = trial_rounds, .graded = !sizes_.uniform()}).mesh;
   if (!by_fields_) return trial.tets.size();
   std::map<int, double> found;
   for (std::size_t t = 0; t < trial.tets.size(); ++t) {

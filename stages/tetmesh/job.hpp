@@ -9,6 +9,7 @@
 #include "stages/common/stage_main.hpp"
 #include "stages/tetmesh/improve.hpp"
 #include "stages/tetmesh/mesh.hpp"
+#include "stages/tetmesh/size_field.hpp"
 #include "stages/tetmesh/topology.hpp"
 
 namespace viscera {
@@ -58,8 +59,10 @@ class MeshJob {
  private:
   void take_labels(const StageRun& run);
   void take_surface(const StageRun& run);
+  void take_sizes(const StageRun& run);
 
   Result build(double cell_size, const Slivers& slivers, const ImproveOptions& options) const;
+  std::vector<Inside> lattice(const Sizing& sizing) const;
   TetMesh refine(double cell_size, const Slivers& slivers) const;
   void assign_labels(TetMesh& mesh) const;
 
@@ -70,6 +73,7 @@ class MeshJob {
   double lattice_ = 0.0;  // constant of the inner lattice as a multiple of the cell size
   Sizing factors_;        // facet_size and facet_distance as multiples of the cell size
   std::optional<LabelImage> image_;
+  SizeRule sizes_;
   Components components_;  // of the image
   std::optional<MaterialFields> fields_;
   std::optional<SurfaceBody> surface_;

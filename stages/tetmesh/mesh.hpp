@@ -2,6 +2,7 @@
 // plain arrays. One domain per translation unit, because each costs a minute of compiling.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -20,6 +21,10 @@ struct Sizing {
   double facet_distance = 0.0;  // mm, from a facet to the surface it stands for
   double facet_angle = 25.0;    // deg, lower bound in a surface facet
   double radius_edge = 3.0;     // bound on circumradius over shortest edge
+
+  // The three lengths above hold where this is 1 (as everywhere, when it is empty).
+  std::function<double(const std::array<double, 3>&)> scale = {};
+  double scale_at(const std::array<double, 3>& p) const { return scale ? scale(p) : 1.0; }
 };
 
 // What Mesh_3 does by itself about slivers after refinement: it moves their vertices, then
@@ -38,7 +43,8 @@ struct Seed {
 // Seeds on every interface of every component (find_components(image)), about 1.5 `spacing` apart
 // and closer on small components, so that none is overlooked.
 std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage& image,
-                                  const Components& components, double spacing);
+                                  const Components& components, const Sizing& sizing,
+                                  double largest_scale = 1.0);
 
 // A point well inside a material, where refinement finds its work done.
 struct Inside {

@@ -46,10 +46,11 @@ class Mesher {
   // `manifold`: every edge of the surface gets two facets; only sound where materials do not meet.
   void refine(const Sizing& sizing, bool manifold) {
     namespace p = CGAL::parameters;
-    const Criteria criteria(p::facet_angle = sizing.facet_angle, p::facet_size = sizing.facet_size,
-                            p::facet_distance = sizing.facet_distance,
+    const Criteria criteria(p::facet_angle = sizing.facet_angle,
+                            p::facet_size = LocalLength{sizing, sizing.facet_size},
+                            p::facet_distance = LocalLength{sizing, sizing.facet_distance},
                             p::cell_radius_edge_ratio = sizing.radius_edge,
-                            p::cell_size = sizing.cell_size);
+                            p::cell_size = LocalLength{sizing, sizing.cell_size});
     CGAL::refine_mesh_3(complex_, domain_, criteria, p::no_perturb(), p::no_exude(), p::no_lloyd(),
                         p::no_odt(), manifold ? p::manifold() : p::non_manifold());
   }
@@ -86,6 +87,18 @@ class Mesher {
   }
 
  private:
+  // A bound that follows the local scale, in the terms of CGAL's MeshDomainField_3.
+  struct LocalLength {
+    using FT = double;
+    using Point_3 = Kernel::Point_3;
+    using Index = typename Domain::Index;
+    FT operator()(const Point_3& q, int, const Index&) const {
+      return length * sizing.scale_at({q.x(), q.y(), q.z()});
+    }
+    const Sizing& sizing;
+    double length;
+  };
+
   const Domain& domain_;
   Complex complex_;
 };

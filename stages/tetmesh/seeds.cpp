@@ -65,16 +65,17 @@ bool find_interface(const MaterialFields& fields, Point a, Point b, Seed& seed) 
 }  // namespace
 
 std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage& image,
-                                  const Components& components, double spacing) {
+                                  const Components& components, const Sizing& sizing,
+                                  double largest_scale) {
   const Frame& frame = image.frame;
   std::vector<double> apart(components.list.size());
   for (std::size_t c = 0; c < apart.size(); ++c) {
     const double volume = static_cast<double>(components.list[c].voxels) * frame.voxel_volume();
     const double radius = std::cbrt(0.75 * volume / std::numbers::pi);
-    apart[c] = std::min(1.5 * spacing, 0.7 * radius);
+    apart[c] = std::min(1.5 * largest_scale * sizing.facet_size, 0.7 * radius);
   }
   std::vector<Seed> seeds;
-  Spread spread(1.5 * spacing);
+  Spread spread(1.5 * largest_scale * sizing.facet_size);
   for (int k = 0; k + 1 < frame.size[2]; ++k)
     for (int j = 0; j + 1 < frame.size[1]; ++j)
       for (int i = 0; i + 1 < frame.size[0]; ++i)
@@ -84,12 +85,13 @@ std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage
           ++next[a];
           const std::size_t v = frame.index(i, j, k), n = frame.index(next[0], next[1], next[2]);
           if (image.voxels[v] == image.voxels[n]) continue;
-          const double distance = std::min(apart[components.of[v]], apart[components.of[n]]);
           Point p{}, q{};
           for (int c = 0; c < 3; ++c) {
             p[c] = at[c] * frame.spacing[c];
             q[c] = next[c] * frame.spacing[c];
           }
+          const double distance = std::min({apart[components.of[v]], apart[components.of[n]],
+                                            1.5 * sizing.facet_size * sizing.scale_at(p)});
           Seed seed;
           if (spread.has_near(p, distance) || !find_interface(fields, p, q, seed) ||
               spread.has_near(seed.point, distance)) {

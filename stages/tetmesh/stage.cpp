@@ -4,6 +4,8 @@
 #include <CGAL/version.h>
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <ctime>
 
 #include "pipeline/contract/atomic_file.hpp"
@@ -20,7 +22,7 @@
 namespace viscera {
 namespace {
 
-constexpr int coarsenings = 5;
+constexpr int coarsenings = 8;
 
 std::vector<Param> params() {
   return {
@@ -38,6 +40,15 @@ std::vector<Param> params() {
        .lo = 100.0,
        .hi = 20e6,
        .doc = "when set, the cell size is found that gives this many tets within 10 %"},
+      {.name = "sizes",
+       .type = ParamType::map,
+       .fallback = Json::object(),
+       .doc = "cell sizes of labels that shall not have cell_size (route fields): {tumour: 3 mm}"},
+      quantity(
+          "interface_size", 1.0, "1", 0.05, 1.0,
+          "size at the boundary and between labels, as a part of the cell size (route fields)"),
+      quantity("grading", 0.3, "1", 0.01, 10.0,
+               "mm that the size may grow in a mm, where sizes differ"),
       quantity("facet_size", 1.0, "1", 0.05, 10.0,
                "surface facets, as a multiple of the cell size"),
       quantity("facet_distance", 0.1, "1", 0.001, 1.0,
@@ -177,7 +188,7 @@ double settle_cell_size(const StageRun& run, MeshJob& job) {
 }
 
 // A mesh whose altitudes are large enough for the substeps asked for. They grow with the cell size,
-// but not evenly: a few tries.
+// but unevenly: steps are shorter than what is missing, so as not to end coarser than needed.
 MeshJob::Result mesh_for(const StageRun& run, MeshJob& job, const TimeGoal& goal,
                          double& cell_size) {
   log::progress("tets", 0.3, "refining");
@@ -189,7 +200,7 @@ MeshJob::Result mesh_for(const StageRun& run, MeshJob& job, const TimeGoal& goal
     if (factor <= 1.0) break;
     log::info("cell size {:.3g} mm: altitudes {:.3g} times too small for {} substeps", cell_size,
               factor, *goal.substeps);
-    cell_size *= 1.03 * factor;
+    cell_size *= std::max(1.03, std::pow(factor, 0.7));
     calibrate(run, job, cell_size);
     result = job.mesh(cell_size);
   }

@@ -11,6 +11,7 @@
 #include "stages/labels/stage.hpp"
 #include "stages/tetmesh/material_fields.hpp"
 #include "stages/tetmesh/mesh.hpp"
+#include "stages/tetmesh/size_field.hpp"
 #include "stages/tetmesh/stage.hpp"
 #include "stages/tetmesh/topology.hpp"
 #include "tests/geometry/shapes.hpp"
@@ -110,7 +111,8 @@ TEST(Seeds, EveryComponentOfEveryInterfaceGetsSome) {
   });
   const MaterialFields fields(image, 0.8);
   std::array<int, 3> near{};
-  for (const auto& seed : seed_interfaces(fields, image, find_components(image), 15.0)) {
+  for (const auto& seed :
+       seed_interfaces(fields, image, find_components(image), {.facet_size = 15.0})) {
     EXPECT_NE(seed.inside, seed.outside);
     if (seed.inside != 2 && seed.outside != 2) continue;
     const double x = seed.point[0] - 23.5 * 1.1;
@@ -265,6 +267,50 @@ TEST_F(Tetmesh, ARealLiverWithItsTumoursBecomesOneSoundMesh) {
     EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.05) << label;
 }
 
+TEST(SizeField, GrowsFromInterfacesNoFasterThanItsSlope) {
+  const LabelImage image = testing::nested_balls(20.0, 8.0);
+  const SizeField field(image, {.label_sizes = {{2, 2.0}}, .at_interfaces = 0.5, .grading = 0.25},
+                        6.0);
+  const Frame& frame = image.frame;
+  const double middle = 23.5;
+  const Vec centre{middle * 1.1 + 4.0, middle * 1.0 - 3.0, middle * 1.25};  // of the small ball
+  const double at_rim = field.at({centre[0] + 8.0, centre[1], centre[2]});
+  EXPECT_NEAR(at_rim, 1.0, 0.4);  // half of the small ball's size
+  EXPECT_NEAR(field.at(centre), 2.0, 1e-6);
+  EXPECT_EQ(field.largest(), 6.0);
+  EXPECT_GT(field.crowding(), 1.0);
+  for (int k = 1; k < frame.size[2]; ++k)
+    for (int j = 0; j < frame.size[1]; ++j)
+      for (int i = 0; i < frame.size[0]; ++i) {
+        const double s = frame.spacing[2], x = i * frame.spacing[0], y = j * frame.spacing[1];
+        ASSERT_LE(std::abs(field.at({x, y, k * s}) - field.at({x, y, (k - 1) * s})),
+                  0.25 * s + 1e-5);
+      }
+}
+
+TEST_F(Tetmesh, ALabelGetsItsOwnSizeAndTheOthersGrowFromThere) {
+  const auto input = write(testing::nested_balls());
+  const auto mean_volume = [&](int label) {
+    const auto quality = testing::read_json(out() / "quality.json");
+    for (const auto& entry : quality["volume"]["labels"])
+      if (entry["id"] == label)
+        return 1000.0 * entry["ml"].get<double>() / entry["tets"].get<double>();
+    return 0.0;
+  };
+  ASSERT_EQ(run(input, {"cell_size=5mm"}).code, 0);
+  const double before = mean_volume(2);
+  const auto outcome = run(input, {"cell_size=5mm", "sizes={tumour: 2.5 mm}"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  EXPECT_NEAR(mean_volume(2), std::pow(2.5, 3.0) / 6.0, 0.8);
+  EXPECT_LT(mean_volume(2), 0.3 * before);
+  EXPECT_GT(mean_volume(1), 2.0 * mean_volume(2));
+  const std::size_t graded = mesh().tets.size();
+  ASSERT_EQ(run(input, {"cell_size=2.5mm"}).code, 0);
+  EXPECT_LT(graded, mesh().tets.size() / 2);
+  EXPECT_EQ(run(input, {"sizes={tumor: 2 mm}"}).code, 3);
+  EXPECT_EQ(run(input, {"sizes={tumour: 2}"}).code, 3);  // without its unit
+}
+
 TEST_F(Tetmesh, HxtFillsSeveralMaterialsBetweenTheSameInterfaces) {
   // Two tumours: parts of one label that do not touch.
   const LabelImage image = testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
@@ -305,10 +351,11 @@ TEST_F(Tetmesh, TheCellSizeIsRaisedUntilTheSubstepsAskedForAreStable) {
   const double speed = std::sqrt(5e3 / 2.9 / 1000.0);
   const double altitude = testing::metric(out(), "altitude_min")["min"].get<double>() * 1e-3;
   EXPECT_EQ(free, static_cast<int>(std::ceil(speed / (60.0 * 0.6 * altitude))));
+  const int wanted = free * 2 / 3;  // for fewer, the small ball would lose its volume
   const auto outcome =
-      run(input, {"cell_size=3mm", materials, "substeps=" + std::to_string(free / 2)});
+      run(input, {"cell_size=3mm", materials, "substeps=" + std::to_string(wanted)});
   ASSERT_EQ(outcome.code, 0) << outcome.log;
-  EXPECT_LE(testing::metric(out(), "time_step")["substeps_needed"].get<int>(), free / 2);
+  EXPECT_LE(testing::metric(out(), "time_step")["substeps_needed"].get<int>(), wanted);
   EXPECT_GT(testing::metric(out(), "cell_size").get<double>(), 3.5);
   EXPECT_EQ(run(input, {"substeps=64"}).code, 3);  // without materials
 }

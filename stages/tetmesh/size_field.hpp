@@ -1,0 +1,36 @@
+// The cell size wanted at every place: each label's own, finer at interfaces, growing no faster
+// than a given slope from one to the other. On the voxel grid; sizes in mm, places in voxel-mm.
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "stages/common/label_image.hpp"
+
+namespace viscera {
+
+struct SizeRule {
+  std::map<int, double> label_sizes{};  // mm, where they differ from the cell size
+  double at_interfaces = 1.0;           // the size there, as a part of the smaller label's
+  double grading = 0.3;                 // mm of size that a mm of way may add
+  bool uniform() const { return label_sizes.empty() && at_interfaces >= 1.0; }
+};
+
+class SizeField {
+ public:
+  SizeField(const LabelImage& image, const SizeRule& rule, double cell_size);
+
+  double at(const std::array<double, 3>& p) const;  // mm, of the nearest voxel
+  double largest() const { return largest_; }       // mm, in any label
+
+  // The mean over all labelled voxels of (cell size / local size)^3: by so much the number of tets
+  // exceeds that of a uniform mesh.
+  double crowding() const { return crowding_; }
+
+ private:
+  Frame frame_;
+  std::vector<float> sizes_;
+  double largest_ = 0.0, crowding_ = 1.0;
+};
+
+}  // namespace viscera
