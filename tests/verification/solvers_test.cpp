@@ -9,6 +9,12 @@ namespace {
 const std::vector<KnownMiss> known_misses = {
     {"bar of 3,600 tets, 64 substeps", "xpbd gauss_seidel", "fp64", 1.66},
     {"64 sweeps a frame, as substeps × iterations", "xpbd gauss_seidel", "fp64", 1},
+    // Explicit, without the stability policy that raises their substeps.
+    {"bar of 3,600 tets, 16 substeps", "xpbd jacobi, split 1", "fp64", 1},
+    {"bar of 3,600 tets, 32 substeps", "xpbd jacobi, split 1", "fp64", 1},
+    {"bar of 3,600 tets, 16 substeps", "tled", "fp64", 1},
+    {"bar of 3,600 tets, 32 substeps", "tled", "fp64", 1},
+    {"bar of 3,600 tets, 64 substeps", "tled", "fp64", 1},
     // Explicit dynamics keeps an energy near this one, which therefore swings.
     {"never rises", "tled", "fp32", 2.48e4},
     {"never rises", "tled", "fp64", 2.48e7},

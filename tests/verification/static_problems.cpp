@@ -79,6 +79,8 @@ void add_substep_rows(std::vector<Row>& rows) {
                         const auto found = settle(model, exact, options, substeps);
                         const double tip = tip_mm(model, exact);
                         std::string note = note_of(found, tip);
+                        if (!found.state.finite())
+                          return {{{"not finite", 1.0, 0.0}}, "unstable", ""};
                         if (!is_goal)
                           return {{}, fmt::format("error {}, {}", number(found.error), note)};
                         return {{{"error", found.error, 0.003}}, note, ""};
