@@ -9,6 +9,7 @@
 
 #include "sim/backend/cpu_regions.hpp"
 #include "sim/backend/cpu_self_contact.hpp"
+#include "sim/backend/pace.hpp"
 #include "sim/refusal.hpp"
 
 namespace viscera::sim {
@@ -45,6 +46,8 @@ int thread_count(int asked, const Model& model) {
   return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, useful);
 }
 
+using Clock = std::chrono::steady_clock;
+
 template <class T>
 class CpuSolver final : public Solver {
  public:
@@ -53,6 +56,7 @@ class CpuSolver final : public Solver {
         options_(options),
         layout_(model, program_, options),
         team_(thread_count(options.threads, model)),
+        paced_(options.threads == 0 && team_.most() > 1),
         n_(layout_.vertices),
         u_(n_),
         d_(n_),
@@ -70,34 +74,19 @@ class CpuSolver final : public Solver {
   }
 
   void advance_frame() override {
-    team_.run([this](int rank) {
-      const Range mine = part_of({0, n_}, rank, team_.size());
-      Lap lap(rank == 0 ? &seconds_ : nullptr);
-      for (int substep = 0; substep < program_.substeps; ++substep) {
-        const Step<T> step = program_.step(step_ + substep);
-        begin(mine);
-        apply_forces(mine);
-        apply_motions(mine, step);
-        lap.took(step_part);
-        for_each_self_contact([&](auto& own, std::size_t effect) {
-          team_.barrier();
-          own.push(team_, rank, u_, d_);
-          lap.took(effect);
-        });
-        push_contacts(mine, step);
-        lap.took(step_part);
-        team_.barrier();
-        for (int i = 0; i < options_.iterations; ++i) solve_elements(rank, mine, i, lap);
-        for_each_self_contact([&](auto& own, std::size_t effect) {
-          own.rub(team_, rank, u_, d_);
-          lap.took(effect);
-        });
-        rub_contacts(mine, step);
-        end(mine);
-        lap.took(step_part);
+    for (int left = program_.substeps; left > 0;) {
+      const Pace::Stretch stretch = paced_ ? pace_.next(left) : Pace::Stretch{left, false};
+      const auto begin = Clock::now();
+      const auto work = [this, stretch](int rank) { run_substeps(stretch.substeps, rank); };
+      if (stretch.alone) {
+        team_.run_alone(work);
+      } else {
+        team_.run(work);
       }
-    });
-    step_ += program_.substeps;
+      pace_.took(stretch, std::chrono::duration<double>(Clock::now() - begin).count());
+      step_ += stretch.substeps;
+      left -= stretch.substeps;
+    }
   }
 
   State state() const override {
@@ -125,7 +114,7 @@ class CpuSolver final : public Solver {
     return count;
   }
   std::string device() const override {
-    return "cpu, " + std::to_string(team_.size()) + " threads";
+    return "cpu, " + std::to_string(team_.most()) + " threads";
   }
   std::vector<std::pair<std::string, double>> seconds() const override {
     std::vector<std::pair<std::string, double>> named = {{"step", seconds_[step_part]}};
@@ -146,15 +135,43 @@ class CpuSolver final : public Solver {
     explicit Lap(Seconds* seconds) : seconds_(seconds) {}
     void took(std::size_t part) {
       if (!seconds_) return;
-      const auto now = std::chrono::steady_clock::now();
+      const auto now = Clock::now();
       (*seconds_)[part] += std::chrono::duration<double>(now - last_).count();
       last_ = now;
     }
 
    private:
     Seconds* seconds_;
-    std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+    Clock::time_point last_ = Clock::now();
   };
+
+  void run_substeps(int count, int rank) {
+    const Range mine = part_of({0, n_}, rank, team_.size());
+    Lap lap(rank == 0 ? &seconds_ : nullptr);
+    for (int substep = 0; substep < count; ++substep) {
+      const Step<T> step = program_.step(step_ + substep);
+      begin(mine);
+      apply_forces(mine);
+      apply_motions(mine, step);
+      lap.took(step_part);
+      for_each_self_contact([&](auto& own, std::size_t effect) {
+        team_.barrier();
+        own.push(team_, rank, u_, d_);
+        lap.took(effect);
+      });
+      push_contacts(mine, step);
+      lap.took(step_part);
+      team_.barrier();
+      for (int i = 0; i < options_.iterations; ++i) solve_elements(rank, mine, i, lap);
+      for_each_self_contact([&](auto& own, std::size_t effect) {
+        own.rub(team_, rank, u_, d_);
+        lap.took(effect);
+      });
+      rub_contacts(mine, step);
+      end(mine);
+      lap.took(step_part);
+    }
+  }
 
   void begin(Range mine) {
     const T dt = static_cast<T>(program_.dt);
@@ -341,6 +358,8 @@ class CpuSolver final : public Solver {
   std::optional<VertexCopies<T>> copies_;  // block Gauss-Seidel only
   SweepTable<T> sweeps_ = best_sweeps<T>();
   Team team_;
+  Pace pace_;
+  bool paced_;  // threads are ours to choose
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;

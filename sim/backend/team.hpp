@@ -16,34 +16,50 @@ class Team {
     for (int rank = 1; rank < size; ++rank) {
       threads_.emplace_back([this, rank] {
         for (;;) {
-          barrier();
+          meet();
           if (stop_) return;
           work_(rank);
-          barrier();
+          meet();
         }
       });
     }
   }
   ~Team() {
     stop_ = true;
-    barrier();
+    meet();
     for (auto& thread : threads_) thread.join();
   }
   Team(const Team&) = delete;
   Team& operator=(const Team&) = delete;
 
-  int size() const { return size_; }
+  // Threads that work together: 1 while the caller works alone.
+  int size() const { return alone_ ? 1 : size_; }
+  int most() const { return size_; }
 
   // work(rank) on every thread; the caller is rank 0. `work` must not throw.
   void run(std::function<void(int)> work) {
     work_ = std::move(work);
-    barrier();
+    meet();
     work_(0);
-    barrier();
+    meet();
+  }
+  // work(0) on the caller's thread only; the others sleep.
+  template <class Work>
+  void run_alone(Work&& work) {
+    alone_ = true;
+    work(0);
+    alone_ = false;
   }
 
-  // No thread goes on before all have come.
+  // Within run: no thread goes on before all have come.
   void barrier() {
+    if (!alone_) meet();
+  }
+
+ private:
+  static constexpr int patience = 2000;  // spins, about 50 us
+
+  void meet() {
     if (size_ == 1) return;
     const unsigned phase = phase_.load(std::memory_order_acquire);
     if (arrived_.fetch_add(1, std::memory_order_acq_rel) + 1 == size_) {
@@ -59,9 +75,6 @@ class Team {
     phase_.wait(phase, std::memory_order_acquire);
   }
 
- private:
-  static constexpr int patience = 2000;  // spins, about 50 us
-
   static void relax() {
 #if defined(__x86_64__)
     __builtin_ia32_pause();
@@ -71,6 +84,7 @@ class Team {
   int size_;
   std::function<void(int)> work_;
   bool stop_ = false;
+  bool alone_ = false;  // written while the others are parked
   std::atomic<int> arrived_{0};
   std::atomic<unsigned> phase_{0};
   std::vector<std::thread> threads_;
