@@ -45,8 +45,9 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, NeoHookean, Linear,
-                           StVK, Corotational, Distance, Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact, Ground,
-                           Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
+using Effects =
+    EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, NeoHookean, Linear, StVK,
+               Corotational, Distance, Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact,
+               Ground, Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

@@ -5,8 +5,8 @@
 //   c = sum m_i x_i / M,   R the rotation nearest to sum m_i (x_i - c) r_i^T,   r_i = X_i - C
 //
 // Müller et al., "Meshless Deformations Based on Shape Matching" (SIGGRAPH 2005), equations 3 to 8;
-// R as in best_rotation.hpp. With the displacement w from rest, sum m x r^T = sum m r r^T + sum m w r^T
-// and C_i = (w_i - c_w) - (R - I) r_i: no small strain cancels. Sums are taken in double.
+// R as in best_rotation.hpp. With the displacement w from rest, sum m x r^T = sum m r r^T + sum m w
+// r^T and C_i = (w_i - c_w) - (R - I) r_i: no small strain cancels. Sums are taken in double.
 //
 // One frequency for all of a region makes it the exact solution of an implicit step and keeps
 // linear and angular momentum: sum m_i C_i = 0 and sum m_i R r_i x C_i = 0. The frequency gives it

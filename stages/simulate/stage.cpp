@@ -144,8 +144,9 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
     log::warn("substeps raised from {} to {} a frame, so that {} is {:.2f} (limit {:.1f})",
               asked_substeps, scene.time.substeps, limit.name, limit.value, limit.at_most);
   } else if (limit.value > limit.at_most) {
-    log::warn("{} is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
-              limit.name, limit.value, limit.tet, limit.at_most, stability.substeps_needed);
+    log::warn(
+        "{} is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
+        limit.name, limit.value, limit.tet, limit.at_most, stability.substeps_needed);
   }
   log::info("Cs {:.3f}, kappa {:.3f}, {} substeps of {:.3g} ms", stability.cs_max,
             stability.kappa_max, scene.time.substeps, 1e3 * scene.time.substep_s());

@@ -2,8 +2,8 @@
 // means.
 #include <gtest/gtest.h>
 
-#include "sim/regions.hpp"
 #include "sim/best_rotation.hpp"
+#include "sim/regions.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
