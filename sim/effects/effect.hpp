@@ -21,7 +21,10 @@
 //   template <class T> SIM_HD static void evaluate(rest, u, d, Evaluation<T, rows, arity>&)
 //       u[arity]: displacements at the start of the substep, d[arity]: displacements over it. T may
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
-//   static constexpr bool needs_rate = true;     a force of the rate alone: none at equilibrium
+//   static constexpr bool needs_rate = true;     optional: no force at equilibrium
+//   static constexpr bool loses_stiffness = true;   optional: a law that gives way when compressed,
+//                                                and turns inside out under a load that it cannot
+//                                                carry
 //   An effect with a history also has
 //   static constexpr int memory;                 numbers that it keeps of each element, 0 at first
 //   template <class T> SIM_HD static void remember(rest, u, T memory[])   once at every substep

@@ -25,6 +25,7 @@ struct Prony {
   static constexpr EffectKind kind = EffectKind::element;
   static constexpr int arity = 4;
   static constexpr int rows = 5;
+  static constexpr bool needs_rate = true;    // relaxed at equilibrium
   static constexpr int memory = 5;            // deviatoric coordinates of E_v
   static constexpr bool projectable = false;  // a strain that has relaxed is not zero at rest
 

@@ -11,6 +11,7 @@ namespace viscera::sim {
 struct StVK : Hookean<StVK> {
   static constexpr const char* name = "stvk";
   static constexpr const char* doc = "St. Venant-Kirchhoff elasticity with each label's E and nu";
+  static constexpr bool loses_stiffness = true;
 
   template <class T>
   SIM_HD static Strain<T> strain(const Mat3<T>& h) {

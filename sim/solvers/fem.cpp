@@ -46,6 +46,17 @@ constexpr bool needs_rate = [] {
   return false;
 }();
 
+template <class Effect>
+constexpr bool loses_stiffness = [] {
+  if constexpr (requires { Effect::loses_stiffness; }) return Effect::loses_stiffness;
+  return false;
+}();
+
+// Whether a tet of order 1 is inside out.
+bool is_inverted(const FemTet<4>& tet, const NodeField& u) {
+  return 1.0 + NeoHookean::volume_strain(gradient_at<4>(tet.nodes, tet.points[0], u)) <= 0.0;
+}
+
 // Nodes that no force moves.
 std::vector<char> held_nodes(const FemMesh& mesh, const Program<double>& program) {
   std::vector<char> held = mesh.fixed;
@@ -221,7 +232,8 @@ class FemSolver final : public Solver {
       NodeField d(u_.size());
       const FemFields fields{u_, d, step, load};
       for (const auto& term : terms_) term->begin_step(fields);
-      const std::string problem = newton_.solve(fields, d, moves(step.time, share / (1.0 - done)));
+      std::string problem = newton_.solve(fields, d, moves(step.time, share / (1.0 - done)));
+      if (problem.empty() && gave_way(d)) problem = "tets that gave way and turned inside out";
       if (problem.empty()) {
         for (std::size_t i = 0; i < d.size(); ++i) u_[i] += d[i];
         done = goal;
@@ -237,6 +249,19 @@ class FemSolver final : public Solver {
       }
     }
     step_ += program_.substeps;
+  }
+
+  // A law that loses its stiffness has equilibria that no path from here leads to.
+  bool gave_way(const NodeField& d) const {
+    bool may = false;
+    for_each_slot<EffectKind::element>(
+        program_.effects, [&may]<class Effect>(const auto&) { may |= loses_stiffness<Effect>; });
+    if (!may) return false;
+    NodeField after = u_;
+    for (std::size_t i = 0; i < d.size(); ++i) after[i] += d[i];
+    return std::ranges::any_of(mesh_.linear, [&](const auto& tet) {
+      return is_inverted(tet, after) && !is_inverted(tet, u_);
+    });
   }
 
   NodeField accelerations() const {

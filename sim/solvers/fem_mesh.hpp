@@ -24,6 +24,21 @@ struct FemTet {
   std::array<QuadraturePoint<n>, point_count> points;
 };
 
+// Gradient of a displacement field. Differences to the first node, as the gradients sum to zero: a
+// rigid shift gives no strain.
+template <int n>
+Mat3<double> gradient_at(const std::array<int, n>& nodes, const QuadraturePoint<n>& point,
+                         const std::vector<Vec3<double>>& u) {
+  Mat3<double> h{};
+  for (int i = 1; i < n; ++i) {
+    const Vec3<double> edge = u[nodes[i]] - u[nodes[0]];
+    h.col[0] += point.gradient[i].x * edge;
+    h.col[1] += point.gradient[i].y * edge;
+    h.col[2] += point.gradient[i].z * edge;
+  }
+  return h;
+}
+
 struct FemMesh {
   int order;                                // 1 or 2
   std::vector<Vec3<double>> rest;           // [nodes] m, the vertices first

@@ -110,17 +110,11 @@ class NeoHookeanTerm final : public FemTerm {
   }
 
  private:
-  // Differences to the first node, as the gradients sum to zero: a rigid shift gives no strain.
   static Mat3<double> gradient(const FemFields& fields, const std::array<int, n>& nodes,
                                const QuadraturePoint<n>& point) {
-    Mat3<double> h{};
-    for (int i = 1; i < n; ++i) {
-      const Vec3<double> edge =
-          (fields.u[nodes[i]] - fields.u[nodes[0]]) + (fields.d[nodes[i]] - fields.d[nodes[0]]);
-      h.col[0] += point.gradient[i].x * edge;
-      h.col[1] += point.gradient[i].y * edge;
-      h.col[2] += point.gradient[i].z * edge;
-    }
+    Mat3<double> h = gradient_at<n>(nodes, point, fields.u);
+    const Mat3<double> more = gradient_at<n>(nodes, point, fields.d);
+    for (int i = 0; i < 3; ++i) h.col[i] += more.col[i];
     return h;
   }
 

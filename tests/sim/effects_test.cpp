@@ -11,18 +11,6 @@
 namespace viscera::sim {
 namespace {
 
-// Parameters with which an effect does something.
-template <class Effect>
-typename Effect::Params sample_params() {
-  typename Effect::Params params{};
-  if constexpr (std::is_base_of_v<Selection, typename Effect::Params>) params.side = "left";
-  if constexpr (std::is_same_v<Effect, Fibre>) params = {1e4, {1.0, 2.0, -0.5}, ""};
-  if constexpr (std::is_same_v<Effect, Prony>) params = {0.7, 0.01};
-  if constexpr (std::is_same_v<Effect, Pressure>) params.pressure = 500.0;
-  if constexpr (std::is_same_v<Effect, Spring>) params.stiffness = 1e6;
-  return params;
-}
-
 // One element, displaced at random, with a history.
 template <class Effect>
 struct Sample {

@@ -91,6 +91,18 @@ inline Scene particle_scene() {
   return scene;
 }
 
+// Parameters with which an effect does something.
+template <class Effect>
+typename Effect::Params sample_params() {
+  typename Effect::Params params{};
+  if constexpr (std::is_base_of_v<Selection, typename Effect::Params>) params.side = "left";
+  if constexpr (std::is_same_v<Effect, Fibre>) params = {1e4, {1.0, 2.0, -0.5}, ""};
+  if constexpr (std::is_same_v<Effect, Prony>) params = {0.7, 0.01};
+  if constexpr (std::is_same_v<Effect, Pressure>) params.pressure = 500.0;
+  if constexpr (std::is_same_v<Effect, Spring>) params.stiffness = 1e6;
+  return params;
+}
+
 inline double random_in(std::mt19937& generator, double lo, double hi) {
   return lo + (hi - lo) * (static_cast<double>(generator()) / 4294967296.0);
 }

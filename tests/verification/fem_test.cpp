@@ -64,14 +64,15 @@ Vec3<double> apply(const Mat3<double>& h, const Vec3<double>& x) {
 // Fixes the vertices that `held` picks where the affine map takes them, starts the others at rest,
 // and returns how far the equilibrium is from the affine map, in sizes of the body.
 template <class Held>
-double affine_error(Model model, const Mat3<double>& h, int order, Held&& held) {
+double affine_error(Model model, const Mat3<double>& h, int order, Held&& held,
+                    const Scene& scene = elastic_scene()) {
   State start;
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {
     model.fixed[i] = held(model.rest[i] + model.origin);
     start.u.push_back(model.fixed[i] ? apply(h, model.rest[i]) : Vec3<double>{});
     start.v.emplace_back();
   }
-  const auto solver = make_on_cpu(model, elastic_scene(), statics(1e-13, order));
+  const auto solver = make_on_cpu(model, scene, statics(1e-13, order));
   solver->set_state(start);
   solver->advance_frame();
   const State end = solver->state();
@@ -132,6 +133,56 @@ TEST(Fem, FreeSidesTakeTheStretchOfTheClosedForm) {
       }
     }
   }
+}
+
+template <class Law>
+Scene scene_of() {
+  Scene scene;
+  scene.params<Law>().emplace_back();
+  return scene;
+}
+
+TEST(Fem, OtherLawsTakeTheStretchOfTheirClosedForms) {
+  constexpr double nu = 0.3;
+  const Model model = irregular_cube(nu);
+  const auto ends = [](const Vec3<double>& x) { return std::abs(x.x) > 0.05 - 1e-9; };
+  const auto error = [&](double s, double t, const Scene& scene) {
+    const Mat3<double> h{{{s - 1, 0, 0}, {0, t - 1, 0}, {0, 0, t - 1}}};
+    return affine_error(model, h, 1, ends, scene);
+  };
+  for (const double s : {0.9, 1.1, 1.3}) {
+    const double linear = 1.0 - nu * (s - 1.0);
+    EXPECT_LE(error(s, linear, scene_of<Linear>()), 1e-8) << s;
+    EXPECT_LE(error(s, linear, scene_of<Corotational>()), 1e-8) << s;
+    EXPECT_LE(error(s, std::sqrt(1.0 - nu * (s * s - 1.0)), scene_of<StVK>()), 1e-8) << s;
+  }
+}
+
+// A column of nu = 0 on a fixed base under its own weight, per area rho g H at the base; returns
+// the sag of its top over its height.
+double stvk_column(double weight_over_young) {
+  constexpr double height = 0.1, gravity = 9.80665;
+  const Material material = {.youngs_modulus = 1060.0 * gravity * height / weight_over_young,
+                             .poisson_ratio = 0.0,
+                             .density = 1060.0};
+  Model model = make_five_tet_box({height, height, height}, {4, 4, 4}, material);
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    model.fixed[i] = model.rest[i].z < -height / 2 + 1e-9;
+  }
+  Scene scene = scene_of<StVK>();
+  scene.params<Gravity>().emplace_back();
+  const auto solver = make_on_cpu(model, scene, statics(1e-8));
+  solver->advance_frame();
+  double sag = 0.0;
+  for (const auto& u : solver->state().u) sag = std::max(sag, -u.z / height);
+  return sag;
+}
+
+TEST(Fem, StVKBearsItsLimitLoadAndNoMore) {
+  // Uniaxial: P = -0.19245 E at s = 1/sqrt(3). The weight is felt in full at the base only, and in
+  // the lowest layer of tets on average 7/8 of it.
+  EXPECT_GT(stvk_column(0.18), 0.09);
+  EXPECT_THROW(stvk_column(0.25), Diverged);
 }
 
 TEST(Fem, FreeFallFollowsTheDiscreteLawWithoutDeformation) {
