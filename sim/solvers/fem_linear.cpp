@@ -5,6 +5,8 @@
 #include "sim/solvers/fem_system.hpp"
 #if defined(VISCERA_CHOLMOD)
 #include <Eigen/CholmodSupport>
+
+extern "C" void openblas_set_num_threads(int) __attribute__((weak));
 #endif
 
 namespace viscera::sim {
@@ -14,7 +16,11 @@ using Matrix = Eigen::SparseMatrix<double>;
 
 #if defined(VISCERA_CHOLMOD)
 struct Factorization : Eigen::CholmodSupernodalLLT<Matrix, Eigen::Lower> {
-  Factorization() { cholmod().print = 0; }  // an indefinite matrix is no news here
+  Factorization() {
+    cholmod().print = 0;  // an indefinite matrix is no news here
+    // Where the BLAS is OpenBLAS: its threads sum in orders that change from run to run.
+    if (openblas_set_num_threads) openblas_set_num_threads(1);
+  }
 };
 #else
 using Factorization = Eigen::SimplicialLLT<Matrix, Eigen::Lower>;

@@ -56,6 +56,20 @@ TEST_F(Cuda, EverySceneAgreesWithTheCpu) {
   }
 }
 
+// Each effect of the registry beside elastic tissue under gravity.
+TEST_F(Cuda, EveryEffectAgreesWithTheCpu) {
+  const Model model = make_cube(5);
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    Scene scene = elastic_scene();
+    scene.params<Gravity>().emplace_back();
+    auto& all = std::get<i>(scene.effects);
+    if (all.empty()) all.push_back(sample_params<Effect>());
+    if (!what_cuda_lacks(scene, {}).empty()) return;
+    EXPECT_LE(disagreement(model, scene, Precision::fp64, 10), 1e-9) << Effect::name;
+    EXPECT_LE(disagreement(model, scene, Precision::fp32, 10), 1e-4) << Effect::name;
+  });
+}
+
 TEST_F(Cuda, AHeldBarSagsAsOnTheCpu) {
   Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {

@@ -100,6 +100,22 @@ typename Effect::Params sample_params() {
   if constexpr (std::is_same_v<Effect, Prony>) params = {0.7, 0.01};
   if constexpr (std::is_same_v<Effect, Pressure>) params.pressure = 500.0;
   if constexpr (std::is_same_v<Effect, Spring>) params.stiffness = 1e6;
+  if constexpr (std::is_same_v<Effect, Prescribed>) params.displacement = {0.0, 0.0, 0.005};
+  // Obstacles a millimetre below a cube of 5 cm at the origin.
+  if constexpr (std::is_same_v<Effect, Collider<Plane>>) params.point = {0.0, 0.0, -0.001};
+  if constexpr (std::is_same_v<Effect, Collider<Sphere>>) {
+    params.center = {0.025, 0.025, -0.021};
+    params.radius = 0.02;
+  }
+  if constexpr (std::is_same_v<Effect, Collider<Capsule>>) {
+    params.from = {0.0, 0.025, -0.011};
+    params.to = {0.05, 0.025, -0.011};
+    params.radius = 0.01;
+  }
+  if constexpr (std::is_same_v<Effect, Collider<Box>>) {
+    params.center = {0.025, 0.025, -0.011};
+    params.size = {0.02, 0.02, 0.02};
+  }
   return params;
 }
 

@@ -121,9 +121,9 @@ TEST_F(Simulate, EffectsActOnWhatTheSceneSelects) {
   ASSERT_EQ(run(held, {"--set", "end=0.1s"}), 0) << errors;
   EXPECT_EQ(metric("effects_on").size(), 7u);
   const Json scene = Json::parse(read_file(path("out") / "scene.json"));
-  EXPECT_EQ(scene["effects"]["spring"][0]["stiffness"], 1e6);
-  EXPECT_EQ(scene["effects"]["spring"][0]["side"], "superior");
-  EXPECT_DOUBLE_EQ(scene["effects"]["pressure"][0]["box_hi"][2].get<double>(), 0.026);
+  EXPECT_EQ(scene["effects"]["spring"]["stiffness"], 1e6);
+  EXPECT_EQ(scene["effects"]["spring"]["side"], "superior");
+  EXPECT_DOUBLE_EQ(scene["effects"]["pressure"]["box_hi"][2].get<double>(), 0.026);
   EXPECT_EQ(scene["effects"]["prony"].size(), 2u);
   EXPECT_EQ(run(with(held, "superior", "top")), 3);
   EXPECT_NE(errors.find("effects.spring.side"), std::string::npos) << errors;
