@@ -118,7 +118,6 @@ class FemSolver final : public Solver {
   }
 
   void advance_frame() override {
-    system_.refresh();
     if (is_static(options_)) {
       find_equilibrium();
     } else {

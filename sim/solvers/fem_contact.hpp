@@ -134,6 +134,7 @@ class ContactTerm final : public FemTerm {
     const Eigen::Vector3d normal = to_eigen(now_[i].normal).normalized();
     Eigen::Matrix3d plane = Eigen::Matrix3d::Identity() - normal * normal.transpose();
     const double taken = norm(f.taken), slip = norm(f.slip);
+    if (taken == 0.0) return Eigen::Matrix3d::Zero();  // no friction here, or none yet
     if (taken >= (1.0 - 1e-12) * slip) return plane;
     const Eigen::Vector3d way = to_eigen(f.slip) / slip;
     return taken / slip * (plane - way * way.transpose());

@@ -85,7 +85,7 @@ bool FemNewton::is_settled(const FemFields& fields) {
 bool FemNewton::find_step(const FemFields& fields, const NodeField& moves) {
   constexpr double least_shift = 1e-8;
   const double wanted = 0.1 * bound(fields) / unbalanced(now_);
-  const double tolerance = std::clamp(wanted, 1e-3, 0.1);
+  const double tolerance = std::clamp(wanted, 1e-2, 0.1);
   for (double shift = 0.0; shift <= 1.0;) {
     system_.begin(now_.sum, moves);
     for (const auto& term : terms_) term->add_tangent(fields, tangent_, system_);

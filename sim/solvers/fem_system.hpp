@@ -18,7 +18,6 @@ class LinearSolver {
  public:
   virtual ~LinearSolver() = default;
   virtual void analyse(const Eigen::SparseMatrix<double>& lower) = 0;
-  virtual void refresh() {}  // forgets what was kept of earlier systems
   // Solves K p = r to a relative residual of `tolerance` (direct solvers: to round-off). False when
   // K is not positive definite, or no solution was found.
   virtual bool solve(const Eigen::SparseMatrix<double>& lower, const Eigen::VectorXd& r,
@@ -45,9 +44,6 @@ class FemSystem {
     }
     return places;
   }
-
-  // What follows depends on nothing that went before.
-  void refresh() { linear_->refresh(); }
 
   bool is_free(int node) const { return dof_[node] >= 0; }
   const Eigen::SparseMatrix<double>& matrix() const { return lower_; }  // lower half; whole blocks
