@@ -39,6 +39,11 @@ inline const std::vector<KnownMiss> known_misses = [] {
       {"stiffness jump 1e4", "fem", "", 1},
       {"stiffness jump 1e6", "fem", "", 1},
       {"crush at E 500 Pa, 10 g, then free", "fem", "", 1},
+      // Nothing to judge them by: whether Newton's reference stops short hangs on the BLAS.
+      {"stiffness jump 1e6", "xpbd gauss_seidel", "", 1},
+      {"stiffness jump 1e6", "xpbd block_gauss_seidel", "", 1},
+      {"stiffness jump 1e6", "xpbd jacobi, split 4", "", 1},
+      {"stiffness jump 1e6", "tled", "", 1},
       // Not the same bits in every run.
       {"two runs", "fem", "", 1},
   };
