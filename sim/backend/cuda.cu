@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <type_traits>
 
+#include "sim/backend/cuda_blocks.hpp"
+#include "sim/backend/cuda_memory.cuh"
 #include "sim/coloring.hpp"
-#include "sim/refusal.hpp"
 #include "sim/solvers/make.hpp"
 #include "sim/solvers/program.hpp"
 
@@ -15,50 +16,6 @@ namespace viscera::sim {
 namespace {
 
 constexpr int block_size = 256;
-
-void check(cudaError_t status, const char* doing) {
-  if (status == cudaSuccess) return;
-  throw Refusal(Refusal::Cause::device, "cuda",
-                std::string(doing) + ": " + cudaGetErrorString(status), "a working CUDA device",
-                "use device: cpu, or mend the driver");
-}
-
-// Device memory that is freed with its owner.
-template <class T>
-class DeviceArray {
- public:
-  DeviceArray() = default;
-  explicit DeviceArray(std::size_t size) : size_(size) {
-    if (size > 0) check(cudaMalloc(&data_, size * sizeof(T)), "allocating");
-    if (size > 0) check(cudaMemset(data_, 0, size * sizeof(T)), "clearing");
-  }
-  explicit DeviceArray(const std::vector<T>& host) : DeviceArray(host.size()) { upload(host); }
-  DeviceArray(DeviceArray&& other) noexcept
-      : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
-  DeviceArray& operator=(DeviceArray&& other) noexcept {
-    std::swap(data_, other.data_);
-    std::swap(size_, other.size_);
-    return *this;
-  }
-  ~DeviceArray() { cudaFree(data_); }
-
-  void upload(const std::vector<T>& host) {
-    if (host.empty()) return;
-    check(cudaMemcpy(data_, host.data(), size_ * sizeof(T), cudaMemcpyHostToDevice), "uploading");
-  }
-  std::vector<T> download() const {
-    std::vector<T> host(size_);
-    if (size_ == 0) return host;
-    check(cudaMemcpy(host.data(), data_, size_ * sizeof(T), cudaMemcpyDeviceToHost), "downloading");
-    return host;
-  }
-  T* get() const { return data_; }
-  int size() const { return static_cast<int>(size_); }
-
- private:
-  T* data_ = nullptr;
-  std::size_t size_ = 0;
-};
 
 __device__ int global_thread() {
   return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
@@ -410,8 +367,12 @@ std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
   }
   if (const std::string lacks = what_cuda_lacks(scene, options); !lacks.empty()) {
     throw Refusal(Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
-                  "xpbd by gauss_seidel with one iteration a substep, no region, no self-contact",
+                  "xpbd by gauss_seidel or block_gauss_seidel with one iteration a substep, no region, "
+                  "no self-contact",
                   "use device: cpu or auto");
+  }
+  if (options.scheme == Scheme::block_gauss_seidel) {
+    return make_cuda_blocks(model, scene, options, *device.name);
   }
   if (options.precision == Precision::fp64) {
     return std::make_unique<XpbdCuda<double>>(model, scene, *device.name);

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <type_traits>
 
-#include "sim/math.hpp"
+#include "sim/row.hpp"
 
 namespace viscera::sim {
 
@@ -48,13 +48,6 @@ struct Pack {
     for (int i = 0; i < width; ++i) a.lanes[i] = std::sqrt(a.lanes[i]);
     return a;
   }
-};
-
-// A vertex's three numbers and a fourth, aligned so that one instruction loads them.
-template <class T>
-struct alignas(4 * sizeof(T)) Row {
-  Vec3<T> v;
-  T w{};
 };
 
 // Four packs from the rows of W vertices, and back: lane i of (x, y, z, w) is row vertices[i].

@@ -21,6 +21,8 @@
 //   template <class T> SIM_HD static void evaluate(rest, u, d, Evaluation<T, rows, arity>&)
 //       u[arity]: displacements at the start of the substep, d[arity]: displacements over it. T may
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
+//   template <class T> static void lighten(Rest<T>&, T copies)   optional: the element works on
+//       copies of its vertices that have their mass divided by `copies` at most
 //   static constexpr bool needs_rate = true;     optional: no force at equilibrium
 //   static constexpr bool loses_stiffness = true;   optional: a law that gives way when compressed,
 //                                                and turns inside out under a load that it cannot

@@ -33,11 +33,23 @@ struct EffectList {
   template <template <class> class Data>
   using Slots = std::tuple<std::vector<Data<All>>...>;
 
+  // A base `Part<Effect>` for every effect.
+  template <template <class> class Part>
+  struct Joined : Part<All>... {};
+
   static constexpr std::size_t size = sizeof...(All);
+
+  template <class Effect>
+  static constexpr std::size_t index_of() {
+    constexpr bool is_it[] = {std::is_same_v<Effect, All>...};
+    std::size_t index = 0;
+    while (!is_it[index]) ++index;
+    return index;
+  }
 
   // function.template operator()<Effect, index>() for every effect in order.
   template <class Function>
-  static void for_each(Function&& function) {
+  static constexpr void for_each(Function&& function) {
     [&]<std::size_t... i>(std::index_sequence<i...>) {
       (function.template operator()<All, i>(), ...);
     }

@@ -67,6 +67,12 @@ struct Viscosity {
             .number = static_cast<T>(explicit_number(model, tet, dt))};
   }
 
+  // On copies of the vertices with a share of their mass, `copies` of each at most.
+  template <class T>
+  static void lighten(Rest<T>& rest, T copies) {
+    rest.number *= copies;
+  }
+
   template <class T>
   SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> u[4], const Vec3<T> d[4],
                               Evaluation<T, rows, arity>& out) {

@@ -37,7 +37,7 @@ std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
 
 std::string what_cuda_lacks(const Scene& scene, const SolverOptions& options) {
   if (options.method != Method::xpbd) return "this solver";
-  if (options.scheme != Scheme::gauss_seidel) return "this scheme";
+  if (options.scheme == Scheme::jacobi) return "this scheme";
   if (options.iterations != 1) return "several iterations a substep";
   if (const std::string name = collective_effect(scene); !name.empty()) return "effects." + name;
   return "";

@@ -11,6 +11,7 @@
 #include "stages/common/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/scene_file.hpp"
+#include "tests/backend/host_blocks.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -70,6 +71,33 @@ TEST_F(Cuda, EveryEffectAgreesWithTheCpu) {
   });
 }
 
+// The blocks' step is the same code on the host.
+double blocks_disagreement(const Model& model, const Scene& scene, int tets_per_block, int frames) {
+  HostBlocks<double> host(model, scene, tets_per_block, true);
+  const auto cuda = make_on_cuda(model, scene,
+                                 {.scheme = Scheme::block_gauss_seidel,
+                                  .precision = Precision::fp64,
+                                  .block_tets = tets_per_block});
+  for (int frame = 0; frame < frames; ++frame) {
+    host.advance_frame();
+    cuda->advance_frame();
+  }
+  EXPECT_TRUE(cuda->state().finite());
+  return largest_difference(host.state(), cuda->state()) / model.size();
+}
+
+TEST_F(Cuda, EveryEffectInBlocksAgreesWithTheHost) {
+  const Model model = make_cube(5);
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    Scene scene = elastic_scene();
+    scene.params<Gravity>().emplace_back();
+    auto& all = std::get<i>(scene.effects);
+    if (all.empty()) all.push_back(sample_params<Effect>());
+    if (!what_cuda_lacks(scene, {.scheme = Scheme::block_gauss_seidel}).empty()) return;
+    EXPECT_LE(blocks_disagreement(model, scene, 100, 10), 1e-9) << Effect::name;
+  });
+}
+
 TEST_F(Cuda, AHeldBarSagsAsOnTheCpu) {
   Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {
@@ -83,14 +111,17 @@ TEST_F(Cuda, AHeldBarSagsAsOnTheCpu) {
 
 TEST_F(Cuda, TwoRunsGiveTheSameBits) {
   const Model model = make_cube(8);
-  for (const Precision precision : {Precision::fp64, Precision::fp32}) {
-    std::uint64_t hash[2];
-    for (auto& h : hash) {
-      const auto solver = make_on_cuda(model, drop_scene(), {.precision = precision});
-      for (int frame = 0; frame < 20; ++frame) solver->advance_frame();
-      h = solver->state().hash();
+  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
+    for (const Precision precision : {Precision::fp64, Precision::fp32}) {
+      std::uint64_t hash[2];
+      for (auto& h : hash) {
+        const auto solver = make_on_cuda(
+            model, drop_scene(), {.scheme = scheme, .precision = precision, .block_tets = 100});
+        for (int frame = 0; frame < 20; ++frame) solver->advance_frame();
+        h = solver->state().hash();
+      }
+      EXPECT_EQ(hash[0], hash[1]);
     }
-    EXPECT_EQ(hash[0], hash[1]);
   }
 }
 
