@@ -42,9 +42,12 @@ int Blocks::block_of(std::span<const int> vertices) const {
 }
 
 void SplitVertices::number_copies() {
-  for (auto& vertices : touched_) {
+  for (std::size_t block = 0; block < touched_.size(); ++block) {
+    auto& vertices = touched_[block];
     std::ranges::sort(vertices);
     vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+    vertices.insert(vertices.end(), again_[block].begin(), again_[block].end());
+    std::ranges::sort(vertices);
     block_begin_.push_back(static_cast<int>(vertex_of_.size()));
     vertex_of_.insert(vertex_of_.end(), vertices.begin(), vertices.end());
   }

@@ -32,19 +32,23 @@ class Blocks {
 class SplitVertices {
  public:
   SplitVertices(int block_count, std::size_t vertex_count)
-      : touched_(block_count), copies_begin_(vertex_count + 1) {}
+      : touched_(block_count), again_(block_count), copies_begin_(vertex_count + 1) {}
 
   void touch(int block, std::span<const int> vertices) {
     touched_[block].insert(touched_[block].end(), vertices.begin(), vertices.end());
   }
+  // One more copy of a vertex in a block that touches it.
+  void touch_again(int block, int vertex) { again_[block].push_back(vertex); }
   void number_copies();  // after the last touch
 
+  // The first copy of a vertex in a block; others that the block has follow it.
   int copy_of(int block, int vertex) const;
   // The copies of blocks [begin, end).
   Range range_of(Range blocks) const {
     return {block_begin_[blocks.begin], block_begin_[blocks.end]};
   }
   int count() const { return static_cast<int>(vertex_of_.size()); }
+  std::size_t vertex_count() const { return copies_begin_.size() - 1; }
   int vertex_of(int copy) const { return vertex_of_[copy]; }
   // The copies of a vertex, in the order of their blocks.
   std::span<const int> copies_of(int vertex) const {
@@ -53,7 +57,8 @@ class SplitVertices {
   }
 
  private:
-  std::vector<std::vector<int>> touched_;  // [blocks] vertices, ascending
+  std::vector<std::vector<int>> touched_;  // [blocks] vertices, ascending, one for each copy
+  std::vector<std::vector<int>> again_;    // [blocks] until copies are numbered
   std::vector<int> block_begin_;           // [blocks + 1] first copy
   std::vector<int> vertex_of_;             // [copies]
   std::vector<int> copies_, copies_begin_;

@@ -3,6 +3,8 @@
 // (partition.hpp). Made on the host, laid out as a device reads it.
 #pragma once
 
+#include <map>
+
 #include "sim/coloring.hpp"
 #include "sim/partition.hpp"
 #include "sim/solvers/program.hpp"
@@ -39,18 +41,36 @@ struct BlockElements {
 
 class BlockLayout {
  public:
+  // No copy meets more than `most_elements` of an effect: a busy vertex has several copies in one
+  // block, since every element that a copy meets is a phase of its own. A phase has `lanes`
+  // elements at most.
   template <class T>
-  BlockLayout(const Model& model, const Program<T>& program, int tets_per_block, int lanes)
+  BlockLayout(const Model& model, const Program<T>& program, int tets_per_block, int lanes,
+              int most_elements)
       : blocks_(model, tets_per_block),
         split_(blocks_.count(), model.vertex_count()),
-        lanes_(lanes) {
+        lanes_(lanes),
+        most_elements_(most_elements) {
     std::vector<char> touched(model.vertex_count());
+    std::vector<std::map<int, int>> parts(block_count());  // of the vertices with more than one
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
-      for (const auto& vertices : effect.vertices) {
-        split_.touch(blocks_.block_of(vertices), vertices);
-        for (const int v : vertices) touched[v] = 1;
+      Meetings meetings(model.vertex_count());
+      const auto members = members_of(effect);
+      for (int block = 0; block < block_count(); ++block) {
+        meetings.count(effect, members[block]);
+        for (const int v : meetings.vertices) {
+          touched[v] = 1;
+          const int wanted = parts_of(meetings.of[v]);
+          if (wanted > 1) parts[block][v] = std::max(parts[block][v], wanted);
+        }
+        split_.touch(block, meetings.vertices);
       }
     });
+    for (int block = 0; block < block_count(); ++block) {
+      for (const auto& [vertex, wanted] : parts[block]) {
+        for (int k = 1; k < wanted; ++k) split_.touch_again(block, vertex);
+      }
+    }
     for (int v = 0; v < static_cast<int>(touched.size()); ++v) {
       const std::array<int, 1> alone{v};
       if (!touched[v]) split_.touch(blocks_.block_of(alone), alone);
@@ -67,54 +87,96 @@ class BlockLayout {
 
   template <class Effect, class T>
   BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect) const {
-    std::vector<std::vector<int>> members(block_count());
-    for (std::size_t e = 0; e < effect.vertices.size(); ++e) {
-      members[blocks_.block_of(effect.vertices[e])].push_back(static_cast<int>(e));
-    }
+    const auto members = members_of(effect);
+    Meetings meetings(split_.vertex_count());
     BlockElements<Effect, T> result;
     for (int block = 0; block < block_count(); ++block) {
-      append(effect, block, members[block], result);
+      meetings.count(effect, members[block]);
+      append(effect, block, members[block], meetings, result);
       result.block_phase.push_back(static_cast<int>(result.phase_begin.size()) - 1);
     }
     return result;
   }
 
  private:
+  // How many elements of a block each vertex belongs to.
+  struct Meetings {
+    std::vector<int> of, so_far;  // [vertices]
+    std::vector<int> vertices;    // of the block
+
+    explicit Meetings(std::size_t vertex_count) : of(vertex_count), so_far(vertex_count) {}
+
+    template <class Prepared>
+    void count(const Prepared& effect, const std::vector<int>& elements) {
+      for (const int v : vertices) of[v] = so_far[v] = 0;
+      vertices.clear();
+      for (const int e : elements) {
+        for (const int v : effect.vertices[e]) {
+          if (of[v]++ == 0) vertices.push_back(v);
+        }
+      }
+    }
+  };
+
+  template <class Prepared>
+  std::vector<std::vector<int>> members_of(const Prepared& effect) const {
+    std::vector<std::vector<int>> members(block_count());
+    for (std::size_t e = 0; e < effect.vertices.size(); ++e) {
+      members[blocks_.block_of(effect.vertices[e])].push_back(static_cast<int>(e));
+    }
+    return members;
+  }
+
   template <class Effect, class T>
   void append(const Prepared<Effect, T>& effect, int block, const std::vector<int>& members,
-              BlockElements<Effect, T>& to) const {
+              Meetings& meetings, BlockElements<Effect, T>& to) const {
+    constexpr int arity = Effect::arity;
     const Range copies = copies_in(block);
-    std::vector<std::array<int, Effect::arity>> local;
+    std::vector<std::array<int, arity>> local;
     for (const int e : members) {
       auto& element = local.emplace_back(effect.vertices[e]);
-      for (int& v : element) v = split_.copy_of(block, v) - copies.begin;
+      for (int& v : element) {
+        // Elements follow one another in space, so each copy has a sector of its vertex.
+        const int part = meetings.so_far[v]++ * parts_of(meetings.of[v]) / meetings.of[v];
+        v = split_.copy_of(block, v) + part - copies.begin;
+      }
     }
-    const Coloring coloring = color_elements<Effect::arity>(
-        std::span<const std::array<int, Effect::arity>>(local), copies.end - copies.begin);
+    const Coloring coloring = color_elements<arity>(std::span<const std::array<int, arity>>(local),
+                                                    copies.end - copies.begin);
     for (int color = 0; color < coloring.color_count(); ++color) {
-      for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
+      const int color_end = coloring.color_begin[color + 1];
+      for (int at = coloring.color_begin[color]; at < color_end; ++at) {
         const int e = coloring.order[at];
-        to.element_of.push_back(members[e]);
-        auto& vertices = to.vertices.emplace_back();
-        int most = 1;  // copies
-        for (int i = 0; i < Effect::arity; ++i) {
-          vertices.index[i] = static_cast<std::uint16_t>(local[e][i]);
-          most = std::max(most, static_cast<int>(copies_of(effect.vertices[members[e]][i]).size()));
-        }
-        auto& rest = to.rest.emplace_back(effect.rest[members[e]]).rest;
-        if constexpr (requires { Effect::lighten(rest, T(1)); }) {
-          Effect::lighten(rest, static_cast<T>(most));
-        }
+        add_element(effect, members[e], local[e], to);
         const int size = static_cast<int>(to.rest.size());
         const bool full = size - to.phase_begin.back() == lanes_;
-        if (full || at + 1 == coloring.color_begin[color + 1]) to.phase_begin.push_back(size);
+        if (full || at + 1 == color_end) to.phase_begin.push_back(size);
       }
+    }
+  }
+
+  int parts_of(int meetings) const { return (meetings + most_elements_ - 1) / most_elements_; }
+
+  template <class Effect, class T>
+  void add_element(const Prepared<Effect, T>& effect, int element,
+                   const std::array<int, Effect::arity>& local,
+                   BlockElements<Effect, T>& to) const {
+    to.element_of.push_back(element);
+    auto& vertices = to.vertices.emplace_back();
+    std::size_t most = 1;  // copies
+    for (int i = 0; i < Effect::arity; ++i) {
+      vertices.index[i] = static_cast<std::uint16_t>(local[i]);
+      most = std::max(most, copies_of(effect.vertices[element][i]).size());
+    }
+    auto& rest = to.rest.emplace_back(effect.rest[element]).rest;
+    if constexpr (requires { Effect::lighten(rest, T(1)); }) {
+      Effect::lighten(rest, static_cast<T>(most));
     }
   }
 
   Blocks blocks_;
   SplitVertices split_;
-  int lanes_;
+  int lanes_, most_elements_;
 };
 
 }  // namespace viscera::sim

@@ -376,8 +376,8 @@ void check_options(const Scene& scene, const SolverOptions& options) {
     refuse("iterations", std::to_string(options.iterations), "1 or more");
   }
   if (!(options.split >= 1.0)) refuse("split", std::to_string(options.split), "1 or more");
-  if (options.block_tets < 1) {
-    refuse("block_tets", std::to_string(options.block_tets), "1 or more");
+  if (options.block_tets < 0) {
+    refuse("block_tets", std::to_string(options.block_tets), "0 or more");
   }
   if (!(options.stiffness >= 0.0 && options.stiffness <= 1.0)) {
     refuse("stiffness", std::to_string(options.stiffness), "0 to 1");

@@ -25,7 +25,8 @@ struct ElementLayout {
         scheme(options.method == Method::tled ? Scheme::gauss_seidel : options.scheme),
         iterates(options.method == Method::xpbd && options.iterations > 1) {
     if (scheme != Scheme::block_gauss_seidel) return;
-    blocks.emplace(model, options.block_tets);
+    constexpr int own_choice = 400;
+    blocks.emplace(model, options.block_tets > 0 ? options.block_tets : own_choice);
     split.emplace(blocks->count(), model.vertex_count());
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
       if (Effect::rows == 0) return;

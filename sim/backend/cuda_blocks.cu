@@ -20,10 +20,20 @@ namespace {
 inline constexpr EffectSet tissue = effect_set<Gravity, Fixed, NeoHookean, Ground>;
 inline constexpr EffectSet damped_tissue = tissue | effect_set<Viscosity, Prescribed>;
 
-// The lanes that sweep: one warp, which needs no barrier but its own, unless colours are large.
-constexpr int one_warp = 32, many_warps = 256;
-constexpr int tets_for_one_warp = 640;  // in a block
-constexpr int bounds_beyond = 4;        // of phases, in the table that a sweep reads ahead
+// The lanes that sweep, and how many elements of an effect a copy of a vertex meets at most.
+// Measured (docs/results/cuda.md): where a phase costs its latency, few phases matter, and one warp
+// needs no barrier but its own; where blocks are large it costs its arithmetic.
+constexpr int one_warp = 32;
+struct Team {
+  int lanes, most_elements;
+};
+Team team_for(int tets_per_block) {
+  if (tets_per_block <= 640) return {one_warp, 16};
+  if (tets_per_block <= 2500) return {128, 16};
+  return {256, 40};
+}
+constexpr int least_block = 150;  // tets: smaller blocks cost accuracy and are no faster
+constexpr int bounds_beyond = 4;  // of phases, in the table that a sweep reads ahead
 
 // A vertex's displacement on its way to other blocks. A word is written and read at once (PTX ISA
 // 8.3: b128 accesses of sm_70 and later are single), so a number that belongs to the exchange tells
@@ -459,8 +469,8 @@ class CudaBlocks final : public Solver {
   CudaBlocks(const Program<T>& program, const Model& model, int tets_per_block, std::string name)
       : name_(std::move(name)),
         vertices_(static_cast<int>(model.vertex_count())),
-        layout_(model, program, tets_per_block,
-                tets_per_block <= tets_for_one_warp ? one_warp : many_warps),
+        layout_(model, program, tets_per_block, team_for(tets_per_block).lanes,
+                team_for(tets_per_block).most_elements),
         u_(layout_.copy_count()),
         v_(layout_.copy_count()),
         parcels_(2 * static_cast<std::size_t>(layout_.copy_count())) {
@@ -521,6 +531,7 @@ class CudaBlocks final : public Solver {
           "asking for the shared memory");
     const std::size_t bytes = vertex_bytes<T>(frame_.most_copies, frame_.scene.contacts);
     require_room(bytes, most);
+    constexpr std::size_t bounds_bytes = 1024;
     int phases = 0;
     EffectSet named = 0;
     std::vector<int> leader(layout_.copy_count(), -1);
@@ -535,7 +546,6 @@ class CudaBlocks final : public Solver {
           bool linearized = false;
           if constexpr (is_linearizable<Effect>) {
             const std::size_t wanted = own.most * sizeof(LinearizedElement<Effect, T>);
-            constexpr std::size_t bounds_bytes = 1024;
             linearized = bytes + wanted + bounds_bytes <= static_cast<std::size_t>(most);
             if (linearized) frame_.element_bytes = std::max(frame_.element_bytes, wanted);
           }
@@ -610,7 +620,8 @@ std::unique_ptr<Solver> make_cuda_blocks(const Model& model, const Scene& scene,
   const int tets = static_cast<int>(model.tet_count());
   // All blocks run at once: one a multiprocessor.
   const int least = (tets + processors - 1) / processors;
-  const int tets_per_block = std::max(least, options.block_tets);
+  const int tets_per_block =
+      std::max(least, options.block_tets > 0 ? options.block_tets : least_block);
   if (options.precision == Precision::fp64) {
     return std::make_unique<CudaBlocks<double>>(model, scene, tets_per_block, name);
   }

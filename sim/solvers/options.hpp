@@ -35,7 +35,7 @@ struct SolverOptions {
   Precision precision = Precision::fp32;
   int iterations = 1;      // a substep
   double split = 4.0;      // Jacobi: the factor on A in the denominator; 1 is explicit dynamics
-  int block_tets = 400;    // block Gauss-Seidel: elements a block
+  int block_tets = 0;      // block Gauss-Seidel: tets a block; 0: as suits the device
   double stiffness = 1.0;  // PBD: share of a constraint's error removed by an iteration
   int threads = 0;         // 0 for all cores; results do not depend on it
   FemOptions fem;

@@ -14,9 +14,9 @@ template <class T>
 class HostBlocks final : public Solver {
  public:
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized,
-             int lanes = 128)
+             int most_elements = 24, int lanes = 32)
       : program_(model, scene),
-        layout_(model, program_, tets_per_block, lanes),
+        layout_(model, program_, tets_per_block, lanes, most_elements),
         linearized_(linearized),
         rest_(layout_.copy_count()),
         v_(layout_.copy_count()),
