@@ -44,6 +44,7 @@ class Improver {
     if (options_.progress) options_.progress(0.8);
     raise_mean();
     last_resort();
+    if (options_.volume && mesh_.project()) fit_volume(mesh_, *options_.volume, options_.poor);
     result_.worst_after = worst();
     return result_;
   }
@@ -193,18 +194,26 @@ class Improver {
       }
   }
 
+  // A point around which nothing has changed since it would not settle is left alone.
   void settle_all() {
-    for (std::size_t p = 0; p < mesh_.points().size(); ++p) {
+    settled_.resize(mesh_.points().size(), -1);
+    for (std::size_t p = 0; p < settled_.size(); ++p) {
       const int point = static_cast<int>(p);
-      if (!mesh_.star(point).empty() && mesh_.mean(mesh_.star(point)) < good)
-        result_.moves += settle(mesh_, point, options_.goal);
+      if (mesh_.star(point).empty() || mesh_.stamp(point) <= settled_[p] ||
+          mesh_.mean(mesh_.star(point)) >= good) {
+        continue;
+      }
+      const bool moved = settle(mesh_, point, options_.goal);
+      result_.moves += moved;
+      settled_[p] = moved ? -1 : mesh_.now();
     }
   }
 
   Stars& mesh_;
   const ImproveOptions& options_;
   double goal_;
-  std::vector<long> tried_;  // the mesh's count of changes when a tet was given up
+  std::vector<long> tried_;    // the mesh's count of changes when a tet was given up,
+  std::vector<long> settled_;  // and when a point would not settle
   Improved result_;
 };
 

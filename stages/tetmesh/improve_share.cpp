@@ -132,7 +132,9 @@ bool apply(Stars& mesh, int point, Part part, const Vec& place, double floor) {
     smooth(mesh, point);
   }
   if (mesh.worst(mesh.star(made)) > floor && mesh.worst(mesh.star(point)) > floor) return true;
-  mesh.move(point, home);
+  Trial back;
+  mesh.try_at(point, home, -no_quality, back);
+  mesh.move(point, home, back);
   mesh.replace(std::vector<int>(mesh.star(made)), before);
   mesh.drop_last_point();
   return false;

@@ -117,7 +117,7 @@ void MeshJob::take_labels(const StageRun& run) {
                  .allowed = "background all around",
                  .remedy = "pass the volume through viscera-labels, which pads"});
   }
-  components_ = find_components(*image_);
+  interfaces_.emplace(*image_);
   fields_.emplace(*image_,
                   run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(frame));
 }
@@ -205,7 +205,7 @@ TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
     sizing.scale = [field, cell_size](const Vec& p) { return field->at(p) / cell_size; };
     largest = field->largest() / cell_size;
   }
-  const auto seeds = seed_interfaces(*fields_, *image_, components_, sizing, largest);
+  const auto seeds = seed_interfaces(*fields_, *interfaces_, sizing, largest);
   return mesh_fields(*fields_, seeds, lattice(sizing), sizing, slivers);
 }
 
@@ -220,7 +220,8 @@ void MeshJob::assign_labels(TetMesh& mesh) const {
 
 MeshJob::Result MeshJob::mesh(double cell_size) const {
   const auto progress = [](double part) { log::progress("tets", 0.5 + 0.5 * part, "improving"); };
-  return build(cell_size, slivers_, {.graded = !sizes_.uniform(), .progress = progress});
+  return build(cell_size, slivers_,
+               {.graded = !sizes_.uniform(), .volume = body_volume_, .progress = progress});
 }
 
 MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,

@@ -14,6 +14,7 @@
 #include "pipeline/contract/error.hpp"
 #include "stages/tetmesh/mesh.hpp"
 #include "stages/tetmesh/mesh3.hpp"
+#include "stages/tetmesh/spread.hpp"
 
 namespace viscera {
 namespace {
@@ -170,14 +171,18 @@ TetMesh SurfaceBody::mesh(int label, const std::vector<Inside>& interior, const 
   // Every shell starts with points about one facet apart, taken from its own vertices.
   const SurfaceMesh& surface = data_->surface;
   for (const auto& shell : find_shells(surface)) {
-    const auto step = std::max<std::size_t>(1, shell.triangles.size() / 40);
-    for (std::size_t t = 0; t < shell.triangles.size(); t += step) {
-      const auto& p = surface.points[surface.triangles[shell.triangles[t]][0]];
-      mesher.insert({p[0], p[1], p[2]}, {0, 1});
-    }
+    const double distance = seed_distance(shell.volume, sizing.facet_size);
+    Spread spread(distance);
+    for (const int t : shell.triangles)
+      for (const int corner : surface.triangles[t]) {
+        const auto& p = surface.points[corner];
+        if (spread.has_near(p, distance)) continue;
+        spread.add(p);
+        mesher.add({p[0], p[1], p[2]}, {0, 1});
+      }
   }
   for (const auto& site : interior)
-    mesher.insert_inside({site.point[0], site.point[1], site.point[2]}, site.label);
+    mesher.add_inside({site.point[0], site.point[1], site.point[2]}, site.label);
   mesher.refine(sizing, true);
   mesher.work_on(slivers);
   TetMesh tets = mesher.extract();

@@ -65,7 +65,8 @@ std::vector<Param> params() {
        .fallback = 2,
        .lo = 0.0,
        .hi = 10.0,
-       .doc = "trial meshes from which the materials' volumes are calibrated (route fields)"},
+       .doc = "trial meshes from which the volumes of several materials are calibrated (route "
+              "fields)"},
       {.name = "mesher",
        .type = ParamType::text,
        .fallback = "cgal",
@@ -172,7 +173,7 @@ double expected_tets(const StageRun& run, const MeshJob& job) {
 }
 
 void calibrate(const StageRun& run, MeshJob& job, double cell_size) {
-  const int passes = job.by_fields() ? run.param<int>("volume_passes") : 0;
+  const int passes = job.needs_aim() ? run.param<int>("volume_passes") : 0;
   for (int pass = 0; pass < passes; ++pass) {
     log::progress("tets", 0.3 * pass / passes, "calibrating volumes");
     job.calibrate(cell_size);
@@ -316,7 +317,7 @@ Stage tetmesh_stage() {
   Stage stage;
   stage.info = {
       .name = "tetmesh",
-      .version = "3",
+      .version = "4",
       .doc = "Labels or a surface to a conforming tetrahedral mesh with its quality.",
       .inputs = {{.role = "labels", .required = false, .doc = "labels.nrrd of viscera-labels"},
                  {.role = "surface",

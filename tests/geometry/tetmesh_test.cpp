@@ -111,8 +111,7 @@ TEST(Seeds, EveryComponentOfEveryInterfaceGetsSome) {
   });
   const MaterialFields fields(image, 0.8);
   std::array<int, 3> near{};
-  for (const auto& seed :
-       seed_interfaces(fields, image, find_components(image), {.facet_size = 15.0})) {
+  for (const auto& seed : seed_interfaces(fields, Interfaces(image), {.facet_size = 15.0})) {
     EXPECT_NE(seed.inside, seed.outside);
     if (seed.inside != 2 && seed.outside != 2) continue;
     const double x = seed.point[0] - 23.5 * 1.1;
