@@ -18,8 +18,8 @@ constexpr double late_goal = 0.8;  // as a part of the goal
 
 // Raising the mean: tets below `fair` have their edges swapped, points whose tets are better than
 // `good` on average (those of the inner lattice are) stay where they are.
-constexpr double fair = 0.6, good = 0.8;
-constexpr int settling_sweeps = 5, sharing_sweep = 2;
+constexpr double fair = 0.7, good = 0.8;
+constexpr int swapping_sweeps = 2, settling_sweeps = 5, sharing_sweep = 2;
 constexpr int last_rounds = 4;
 
 class Improver {
@@ -168,10 +168,8 @@ class Improver {
   // The worst tets decide the time step, the others the accuracy: once nothing more is gained for
   // the former, edges are swapped and points moved for the mean.
   void raise_mean() {
-    for (std::size_t t = 0; t < mesh_.tets().size(); ++t)
-      if (mesh_.alive(static_cast<int>(t)) && mesh_.quality(static_cast<int>(t)) < fair)
-        swap_an_edge(mesh_.tets()[t]);
     for (int sweep = 0; sweep < settling_sweeps; ++sweep) {
+      if (sweep < swapping_sweeps) swap_edges();
       if (sweep == sharing_sweep) share_busy();
       log::check_interrupt();
       settle_all();
@@ -184,6 +182,12 @@ class Improver {
     for (int round = 0; round < last_rounds && work_on_worst(); ++round) settle_all();
     share_busy();
     goal_ = options_.goal;
+  }
+
+  void swap_edges() {
+    for (std::size_t t = 0; t < mesh_.tets().size(); ++t)
+      if (mesh_.alive(static_cast<int>(t)) && mesh_.quality(static_cast<int>(t)) < fair)
+        swap_an_edge(mesh_.tets()[t]);
   }
 
   void swap_an_edge(const Tet& corners) {

@@ -105,7 +105,7 @@ struct Leeway {
   double cosine, distance;
 };
 inline Leeway leeway(double quality) {
-  return quality < 0.2 ? Leeway{0.9, 0.1} : Leeway{0.9, 0.05};
+  return quality < 0.28 ? Leeway{0.7, 0.15} : Leeway{0.9, 0.05};
 }
 
 // A triangle of the boundary or of an interface at some point: its two other corners, and the

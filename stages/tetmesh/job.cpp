@@ -13,6 +13,7 @@
 #include "stages/common/surface_io.hpp"
 #include "stages/tetmesh/hxt.hpp"
 #include "stages/tetmesh/measure.hpp"
+#include "stages/tetmesh/nesting.hpp"
 #include "stages/tetmesh/order.hpp"
 #include "stages/tetmesh/project_fields.hpp"
 
@@ -152,6 +153,7 @@ void MeshJob::take_surface(const StageRun& run) {
   const std::string file = run.input("surface").string();
   const SurfaceMesh surface = body_surface(read_vtp(run.input("surface")), file);
   surface_.emplace(surface, file);
+  check_nesting(surface, file);
   if (fields_) return;  // volumes and names come from the labels
   if (surface.label_names.begin()->first == body_label) {
     throw Error(ExitCode::bad_input,

@@ -69,7 +69,7 @@ struct Inside {
 // The sites of a body-centred cubic lattice of this constant that lie deeper in their material than
 // lattice_depth of it: its tets are as good as Delaunay tets get (dihedral angles of 60 and 90
 // deg).
-constexpr double lattice_depth = 0.6;
+constexpr double lattice_depth = 0.45;
 std::vector<Inside> seed_interior(const MaterialFields& fields, double constant);
 
 // Conforming tets of all materials, LPS mm, positively oriented.

@@ -227,7 +227,7 @@ Made make_mesh(StageRun& run) {
   const TimeGoal time = time_goal(run, job.names());
   const double tets = expected_tets(run, job), memory = job.estimate_memory(tets);
   log::info("expecting about {:.0f} thousand tets and {:.0f} MB", tets / 1e3, memory / 1e6);
-  const Watchdog watchdog(run.param<double>("time_limit"), memory, run.out(""));
+  const Watchdog watchdog(run.param<double>("time_limit"), memory, run.out("").parent_path());
   double cell_size = settle_cell_size(run, job);
   const std::clock_t begin = std::clock();  // the mesher has one thread: CPU time is its own
   auto [mesh, mended, improved] = mesh_for(run, job, time, cell_size);
@@ -247,6 +247,7 @@ Made make_mesh(StageRun& run) {
             .wanted = {.label_volumes = job.label_volumes(),
                        .body_volume = job.body_volume(),
                        .bodies = job.bodies(),
+                       .cell_size = cell_size,
                        .time = time},
             .how = {{"route", job.by_fields() ? "fields" : "surface"},
                     {"cell_size_mm", cell_size},
