@@ -11,8 +11,8 @@ namespace {
 // A facet may lie this far from its surface, in parts of the local size, or as far as before.
 constexpr double farthest = 0.18;
 // Facets this well aligned with their surface (cosine between the normals) are not farther: across
-// a facet of size h the surface then turns by 0.3 rad or so, and bulges by less than 0.1 h.
-constexpr double aligned = 0.95;
+// a facet of size h the surface then turns by half a radian at most, and bulges by 0.06 h.
+constexpr double aligned = 0.97;
 constexpr double most_offset = 0.05;  // of the local size, for the sake of the volume
 
 double distance_from_surface(const Stars& mesh, const Vec& p, const std::vector<int>& labels) {

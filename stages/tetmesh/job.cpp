@@ -16,6 +16,7 @@
 #include "stages/tetmesh/nesting.hpp"
 #include "stages/tetmesh/order.hpp"
 #include "stages/tetmesh/project_fields.hpp"
+#include "stages/tetmesh/project_surface.hpp"
 
 namespace viscera {
 namespace {
@@ -153,6 +154,7 @@ void MeshJob::take_surface(const StageRun& run) {
   const std::string file = run.input("surface").string();
   const SurfaceMesh surface = body_surface(read_vtp(run.input("surface")), file);
   surface_.emplace(surface, file);
+  surface_projector_ = surface_projector(surface);
   check_nesting(surface, file);
   if (fields_) return;  // volumes and names come from the labels
   if (surface.label_names.begin()->first == body_label) {
@@ -235,7 +237,7 @@ MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
   if (hxt_ && !mesh.tets.empty()) mesh = fill_with_hxt(mesh);
   if (improve_) {
     result.improved =
-        improve(mesh, by_fields_ ? field_projector(*fields_) : surface_->projector(), options);
+        improve(mesh, by_fields_ ? field_projector(*fields_) : surface_projector_, options);
   }
   // Only now: on the surface route the improver has the whole body to work with.
   if (!by_fields_ && fields_) assign_labels(mesh);

@@ -81,6 +81,7 @@ class MeshJob {
   std::optional<Interfaces> interfaces_;  // of the image
   std::optional<MaterialFields> fields_;
   std::optional<SurfaceBody> surface_;
+  Projector surface_projector_;  // onto it
   double body_volume_ = 0.0;
   std::map<int, double> label_volumes_;
   std::map<int, std::string> names_;

@@ -11,7 +11,6 @@
 #include "stages/common/surface_mesh.hpp"
 #include "stages/common/tet_mesh.hpp"
 #include "stages/tetmesh/material_fields.hpp"
-#include "stages/tetmesh/projector.hpp"
 
 namespace viscera {
 
@@ -89,9 +88,6 @@ class SurfaceBody {
   // Tets inside, all labelled `label`.
   TetMesh mesh(int label, const std::vector<Inside>& interior, const Sizing& sizing,
                const Slivers& slivers) const;
-
-  // Onto the nearest place of the surface, whatever the labels.
-  Projector projector() const;
 
  private:
   struct Data;

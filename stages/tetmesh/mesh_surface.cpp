@@ -2,7 +2,6 @@
 #include <CGAL/AABB_face_graph_triangle_primitive.h>
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
-#include <CGAL/Polygon_mesh_processing/compute_normal.h>
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
 #include <CGAL/Polygon_mesh_processing/self_intersections.h>
@@ -152,15 +151,6 @@ std::vector<Inside> SurfaceBody::seed_interior(double constant) const {
     if (!data_->tree.do_intersect(ball)) inside.push_back({p, 1});
   });
   return inside;
-}
-
-Projector SurfaceBody::projector() const {
-  return [data = data_](const Vec& point, const std::vector<int>&) -> std::optional<Contact> {
-    const auto [place, face] =
-        data->tree.closest_point_and_primitive({point[0], point[1], point[2]});
-    const auto n = CGAL::Polygon_mesh_processing::compute_face_normal(face, data->triangles);
-    return Contact{{place.x(), place.y(), place.z()}, {{n.x(), n.y(), n.z()}}};
-  };
 }
 
 TetMesh SurfaceBody::mesh(int label, const std::vector<Inside>& interior, const Sizing& sizing,
