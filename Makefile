@@ -72,11 +72,12 @@ bench-solver: $(BENCH)/mesh.vtu ## what a substep costs on this machine, by meth
 
 BENCH_VOLUME ?= sample_data/phantom.nrrd
 BENCH_LABELS ?= {body: [1, 2, 3]}
-BENCH_TETS ?= 5000 50000 200000
+BENCH_TETS ?= 5000 54000 215000
+BENCH_REPEATS ?= 3
 BENCH_CSV ?= out/bench/mesh.csv
-bench-mesh: build ## our tets, make_mesh_3's and HXT's on one body: BENCH_VOLUME, _LABELS, _TETS, _CSV
+bench-mesh: build ## our tets, make_mesh_3's and HXT's on one body: BENCH_VOLUME, _LABELS, _TETS, _REPEATS, _CSV
 	@mkdir -p $(dir $(BENCH_CSV))
-	@$(BIN)/bench_mesh $(BENCH_VOLUME) '$(BENCH_LABELS)' $(BENCH_CSV) $(BENCH_TETS)
+	@$(BIN)/bench_mesh $(BENCH_VOLUME) '$(BENCH_LABELS)' $(BENCH_CSV) $(BENCH_REPEATS) $(BENCH_TETS)
 
 # ThreadSanitizer sees every pair of threads in the tests of equal bits; the rest has one thread.
 sanitize: ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer

@@ -1,6 +1,8 @@
 // How far a mesh's boundary and a surface lie apart, both ways (Hausdorff). Lengths in mm.
 #pragma once
 
+#include <optional>
+
 #include "stages/common/surface_mesh.hpp"
 #include "stages/common/tet_mesh.hpp"
 
@@ -11,12 +13,31 @@ struct Deviation {
   std::array<double, 3> place{};  // of the largest one
 };
 
+// A piece of the surface that the mesh does not have, more than half a cell away from it.
+struct LostPart {
+  double depth = 0.0;             // mm, the farthest place's distance from the mesh
+  std::array<double, 3> place{};  // that place
+  // Diameter of the largest ball inside (a ridge) or outside (a groove) that touches the surface
+  // anywhere in this part (Ma, Bae and Choi 2012), mm.
+  double thickness = 0.0;
+  double detached_volume = 0.0;  // mm3, of a whole shell that smoothing cut off the body; else 0
+};
+
 struct SurfaceDistance {
   Deviation to_surface;  // from the mesh's boundary to the nearest place of the surface
   Deviation to_mesh;  // from the surface to the nearest place of the boundary: what the mesh lacks
+  Deviation to_mesh_kept;      // the same without the parts that are lost
+  std::vector<LostPart> lost;  // detached or thinner than a cell, deepest first
 };
 
-// Triangles of both are sampled evenly, no farther apart than `spacing`.
-SurfaceDistance surface_distance(const TetMesh& mesh, const SurfaceMesh& surface, double spacing);
+// What a surface is to be compared with.
+struct DistanceScale {
+  double spacing = 0.0;               // mm, between samples on the triangles of both, at most
+  double cell_size = 0.0;             // mm
+  std::optional<std::size_t> bodies;  // more shells than this are detached, the smallest first
+};
+
+SurfaceDistance surface_distance(const TetMesh& mesh, const SurfaceMesh& surface,
+                                 const DistanceScale& scale);
 
 }  // namespace viscera

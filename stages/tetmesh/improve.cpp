@@ -18,8 +18,8 @@ constexpr double late_goal = 0.8;  // as a part of the goal
 
 // Raising the mean: tets below `fair` have their edges swapped, points whose tets are better than
 // `good` on average (those of the inner lattice are) stay where they are.
-constexpr double fair = 0.6, good = 0.8;
-constexpr int settling_sweeps = 5, sharing_sweep = 2;
+constexpr double fair = 0.7, good = 0.8;
+constexpr int swapping_sweeps = 2, settling_sweeps = 5, sharing_sweep = 2;
 constexpr int last_rounds = 4;
 
 class Improver {
@@ -44,6 +44,7 @@ class Improver {
     if (options_.progress) options_.progress(0.8);
     raise_mean();
     last_resort();
+    if (options_.volume && mesh_.project()) fit_volume(mesh_, *options_.volume, options_.poor);
     result_.worst_after = worst();
     return result_;
   }
@@ -167,10 +168,8 @@ class Improver {
   // The worst tets decide the time step, the others the accuracy: once nothing more is gained for
   // the former, edges are swapped and points moved for the mean.
   void raise_mean() {
-    for (std::size_t t = 0; t < mesh_.tets().size(); ++t)
-      if (mesh_.alive(static_cast<int>(t)) && mesh_.quality(static_cast<int>(t)) < fair)
-        swap_an_edge(mesh_.tets()[t]);
     for (int sweep = 0; sweep < settling_sweeps; ++sweep) {
+      if (sweep < swapping_sweeps) swap_edges();
       if (sweep == sharing_sweep) share_busy();
       log::check_interrupt();
       settle_all();
@@ -185,6 +184,12 @@ class Improver {
     goal_ = options_.goal;
   }
 
+  void swap_edges() {
+    for (std::size_t t = 0; t < mesh_.tets().size(); ++t)
+      if (mesh_.alive(static_cast<int>(t)) && mesh_.quality(static_cast<int>(t)) < fair)
+        swap_an_edge(mesh_.tets()[t]);
+  }
+
   void swap_an_edge(const Tet& corners) {
     for (const auto& ends : edge_ends)
       if (swap_edge(mesh_, corners[ends[0]], corners[ends[1]], options_.goal)) {
@@ -193,18 +198,26 @@ class Improver {
       }
   }
 
+  // A point around which nothing has changed since it would not settle is left alone.
   void settle_all() {
-    for (std::size_t p = 0; p < mesh_.points().size(); ++p) {
+    settled_.resize(mesh_.points().size(), -1);
+    for (std::size_t p = 0; p < settled_.size(); ++p) {
       const int point = static_cast<int>(p);
-      if (!mesh_.star(point).empty() && mesh_.mean(mesh_.star(point)) < good)
-        result_.moves += settle(mesh_, point, options_.goal);
+      if (mesh_.star(point).empty() || mesh_.stamp(point) <= settled_[p] ||
+          mesh_.mean(mesh_.star(point)) >= good) {
+        continue;
+      }
+      const bool moved = settle(mesh_, point, options_.goal);
+      result_.moves += moved;
+      settled_[p] = moved ? -1 : mesh_.now();
     }
   }
 
   Stars& mesh_;
   const ImproveOptions& options_;
   double goal_;
-  std::vector<long> tried_;  // the mesh's count of changes when a tet was given up
+  std::vector<long> tried_;    // the mesh's count of changes when a tet was given up,
+  std::vector<long> settled_;  // and when a point would not settle
   Improved result_;
 };
 

@@ -15,11 +15,12 @@
 namespace viscera {
 
 struct ImproveOptions {
-  double goal = 0.45;   // tets of lower quality (see tet_quality) are worked on; 1 is a regular tet
+  double goal = 0.38;   // tets of lower quality (see tet_quality) are worked on; 1 is a regular tet
   double poor = 0.28;   // for tets below this even what stands around them is moved or split
   int rounds = 16;      // at most
   bool graded = false;  // sizes differ on purpose: small tets among large ones are no fault
   int valence = 40;     // tets around a vertex that should not be exceeded
+  std::optional<double> volume = {};          // mm3 that the whole shall have in the end
   std::function<void(double)> progress = {};  // called with the part of the work that is done
 };
 

@@ -10,39 +10,19 @@ namespace {
 
 constexpr double gain = 1e-9;
 
-// The labels on the two sides of the face opposite `corner`; equal inside a material.
-std::array<int, 2> sides(const Stars& mesh, int tet, int corner) {
-  const Tet& t = mesh.tets()[tet];
-  std::array<int, 2> labels{mesh.label(tet), 0};
-  for (const int other : mesh.star(t[(corner + 1) % 4])) {
-    const Tet& o = mesh.tets()[other];
-    if (other != tet && holds(o, t[(corner + 2) % 4]) && holds(o, t[(corner + 3) % 4]))
-      labels[1] = mesh.label(other);
-  }
-  if (labels[0] > labels[1]) std::swap(labels[0], labels[1]);
-  return labels;
-}
-
 // Every surface triangle at `gone` that lives on keeps its direction and its distance.
 bool surface_stays(const Stars& mesh, int gone, int kept, const Leeway& allowed) {
   const auto& p = mesh.points();
-  for (const int t : mesh.star(gone)) {
-    const Tet& tet = mesh.tets()[t];
-    for (int corner = 0; corner < 4; ++corner) {
-      std::array<int, 3> face{tet[(corner + 1) % 4], tet[(corner + 2) % 4], tet[(corner + 3) % 4]};
-      const auto at = std::find(face.begin(), face.end(), gone);
-      if (at == face.end() || std::count(face.begin(), face.end(), kept)) continue;
-      const auto labels = sides(mesh, t, corner);
-      if (labels[0] == labels[1]) continue;
-      const Vec before = cross(sub(p[face[1]], p[face[0]]), sub(p[face[2]], p[face[0]]));
-      *at = kept;
-      const Vec after = cross(sub(p[face[1]], p[face[0]]), sub(p[face[2]], p[face[0]]));
-      if (dot(before, after) < allowed.cosine * norm(before) * norm(after)) return false;
-      const Vec centre = scale(1.0 / 3.0, add(p[face[0]], add(p[face[1]], p[face[2]])));
-      const auto contact = mesh.project()(centre, {labels[0], labels[1]});
-      if (!contact || norm(sub(contact->point, centre)) > allowed.distance * mesh.size(gone))
-        return false;
-    }
+  for (const SurfaceFacet& facet : surface_facets(mesh, gone)) {
+    const int q = facet.ends[0], r = facet.ends[1];
+    if (q == kept || r == kept) continue;
+    const Vec before = cross(sub(p[q], p[gone]), sub(p[r], p[gone]));
+    const Vec after = cross(sub(p[q], p[kept]), sub(p[r], p[kept]));
+    if (dot(before, after) < allowed.cosine * norm(before) * norm(after)) return false;
+    const Vec centre = scale(1.0 / 3.0, add(p[kept], add(p[q], p[r])));
+    const auto contact = mesh.project()(centre, {facet.labels[0], facet.labels[1]});
+    if (!contact || norm(sub(contact->point, centre)) > allowed.distance * mesh.size(gone))
+      return false;
   }
   return true;
 }

@@ -15,7 +15,7 @@ using Tets = std::vector<std::pair<Tet, int>>;
 constexpr double steps[] = {0.2, 0.35, 0.5};  // from the busy point, of the local size
 constexpr double openings[] = {-0.2, 0.0, 0.2,
                                0.4};     // cosine of the cone that holds the emptied tets
-constexpr std::size_t most_tried = 12;   // ways of sharing
+constexpr std::size_t most_tried = 48;   // ways of sharing
 constexpr std::size_t least_relief = 4;  // tets that the busy point must lose
 
 struct Part {
@@ -132,7 +132,9 @@ bool apply(Stars& mesh, int point, Part part, const Vec& place, double floor) {
     smooth(mesh, point);
   }
   if (mesh.worst(mesh.star(made)) > floor && mesh.worst(mesh.star(point)) > floor) return true;
-  mesh.move(point, home);
+  Trial back;
+  mesh.try_at(point, home, -no_quality, back);
+  mesh.move(point, home, back);
   mesh.replace(std::vector<int>(mesh.star(made)), before);
   mesh.drop_last_point();
   return false;

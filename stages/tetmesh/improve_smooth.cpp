@@ -4,6 +4,7 @@
 // it and every trial place is put back onto it. Where the worst is good enough, the mean over the
 // tets around the vertex is raised by plain steps along its gradient.
 #include <algorithm>
+#include <numeric>
 
 #include "stages/tetmesh/improve_stars.hpp"
 
@@ -57,16 +58,6 @@ Vec along(Vec direction, const std::vector<Vec>& normals) {
   return direction;
 }
 
-// The worst quality around the point at another place, or something no higher than `bar`.
-double worst_at(const Stars& mesh, int point, const Vec& place, double bar) {
-  double low = no_quality;
-  for (const int t : mesh.star(point)) {
-    low = std::min(low, mesh.quality_at(mesh.tets()[t], point, place));
-    if (low <= bar) break;
-  }
-  return low;
-}
-
 Vec ascent(const Stars& mesh, int point, double worst, const std::vector<Vec>& normals) {
   std::vector<Vec> slopes;
   for (const int t : mesh.star(point))
@@ -78,38 +69,31 @@ Vec ascent(const Stars& mesh, int point, double worst, const std::vector<Vec>& n
 // What a point may do: go anywhere inside its material, or slide along the surfaces it lies on.
 class Freedom {
  public:
-  Freedom(const Stars& mesh, int point) : mesh_(mesh), labels_(mesh.labels_at(point)) {
+  Freedom(const Stars& mesh, int point)
+      : mesh_(mesh), point_(point), labels_(mesh.labels_at(point)) {
     able_ = !labels_.empty() && mesh.movable(point) && reach(mesh.points()[point]);
   }
   bool able() const { return able_; }
-  const std::vector<Vec>& normals() const { return normals_; }
+  const std::vector<Vec>& normals() const { return contact_.normals; }
 
   // The place that it gets to when sent to `place`, and the surface's normals there.
   std::optional<Vec> reach(const Vec& place) {
     if (labels_.size() < 2) return place;
     const auto contact = mesh_.project()(place, labels_);
     if (!contact) return std::nullopt;
-    normals_ = contact->normals;
+    contact_ = *contact;
     return contact->point;
   }
+  // Whether it may stay where it got to last.
+  bool may_stay() const { return labels_.size() < 2 || surface_follows(mesh_, point_, contact_); }
 
  private:
   const Stars& mesh_;
+  const int point_;
   std::vector<int> labels_;
-  std::vector<Vec> normals_;
+  Contact contact_;
   bool able_ = false;
 };
-
-// The sum of the qualities around the point at another place; nothing when one falls below `bar`.
-std::optional<double> sum_at(const Stars& mesh, int point, const Vec& place, double bar) {
-  double sum = 0.0;
-  for (const int t : mesh.star(point)) {
-    const double quality = mesh.quality_at(mesh.tets()[t], point, place);
-    if (quality < bar) return std::nullopt;
-    sum += quality;
-  }
-  return sum;
-}
 
 }  // namespace
 
@@ -117,6 +101,7 @@ bool smooth(Stars& mesh, int point) {
   Freedom freedom(mesh, point);
   if (!freedom.able()) return false;
   bool moved = false;
+  Trial tried;
   for (int step = 0; step < max_steps; ++step) {
     const double worst = mesh.worst(mesh.star(point));
     const Vec direction = ascent(mesh, point, worst, freedom.normals());
@@ -127,8 +112,9 @@ bool smooth(Stars& mesh, int point) {
     for (int halving = 0; halving < max_halvings && !better; ++halving, length *= 0.5) {
       const auto place = freedom.reach(add(mesh.points()[point], scale(length / slope, direction)));
       if (!place) continue;
-      if (worst_at(mesh, point, *place, worst + smallest_gain) <= worst + smallest_gain) continue;
-      mesh.move(point, *place);
+      if (!mesh.try_at(point, *place, worst + smallest_gain, tried) || !freedom.may_stay())
+        continue;
+      mesh.move(point, *place, tried);
       better = moved = true;
     }
     if (!better) break;
@@ -148,13 +134,18 @@ bool settle(Stars& mesh, int point, double floor) {
   direction = along(direction, freedom.normals());
   const double slope = norm(direction);
   if (!(slope * size > 1e-3 * tets)) return false;
+  Trial tried;
   double length = std::min(longest_settling * size, settling * tets / slope);
   for (int trial = 0; trial < settling_trials; ++trial, length *= 0.4) {
     const auto place = freedom.reach(add(mesh.points()[point], scale(length / slope, direction)));
     if (!place) continue;
-    const auto found = sum_at(mesh, point, *place, bar);
-    if (!found || *found <= sum + smallest_gain * tets) continue;
-    mesh.move(point, *place);
+    if (!mesh.try_at(point, *place, bar, tried)) continue;
+    if (std::accumulate(tried.quality.begin(), tried.quality.end(), 0.0) <=
+            sum + smallest_gain * tets ||
+        !freedom.may_stay()) {
+      continue;
+    }
+    mesh.move(point, *place, tried);
     return true;
   }
   return false;

@@ -23,6 +23,12 @@ struct Ring {
   bool closed = false;    // else the edge is on the boundary
 };
 
+// The qualities around a point at another place, in the order of its star. For one point.
+struct Trial {
+  std::vector<double> quality;
+  std::size_t objector = 0;  // in the star: the last tet that fell below the bar
+};
+
 class Stars {
  public:
   Stars(const TetMesh& mesh, const Projector& project, const ImproveOptions& options = {});
@@ -68,7 +74,9 @@ class Stars {
 
   int insert(const Vec& place, double size);  // a point of no tets yet, inside a material
   void drop_last_point();                     // which no tet may use
-  void move(int point, const Vec& place);
+  // Whether no quality around `point` falls below `bar`, were it at `place`; and to go there.
+  bool try_at(int point, const Vec& place, double bar, Trial& trial) const;
+  void move(int point, const Vec& place, const Trial& trial);
   // Takes `old` out and puts the new tets in.
   void replace(const std::vector<int>& old, const std::vector<std::pair<Tet, int>>& fresh);
 
@@ -97,8 +105,19 @@ struct Leeway {
   double cosine, distance;
 };
 inline Leeway leeway(double quality) {
-  return quality < 0.2 ? Leeway{0.7, 0.15} : Leeway{0.9, 0.05};
+  return quality < 0.28 ? Leeway{0.7, 0.15} : Leeway{0.9, 0.05};
 }
+
+// A triangle of the boundary or of an interface at some point: its two other corners, and the
+// labels on its sides, both ascending.
+struct SurfaceFacet {
+  std::array<int, 2> ends, labels;
+};
+std::vector<SurfaceFacet> surface_facets(const Stars& mesh, int point);
+
+// Whether the facets around `point` stay as near to their surfaces as they have to if it goes to
+// `contact`.
+bool surface_follows(const Stars& mesh, int point, const Contact& contact);
 
 constexpr double no_quality = std::numeric_limits<double>::max();  // of no tets at all
 
@@ -117,6 +136,10 @@ bool split_edge(Stars& mesh, int a, int b);  // inside one material; the new poi
 // `floor` or does not fall.
 bool settle(Stars& mesh, int point, double floor);
 bool swap_edge(Stars& mesh, int a, int b, double floor);
+
+// Moves the boundary outwards, everywhere alike, as far as the mesh lacks volume (mm3); no quality
+// falls below `floor`, or below what it is.
+void fit_volume(Stars& mesh, double wanted, double floor);
 
 // These take tets from a busy point, as long as the worst quality they touch stays above `floor`:
 // by removing one of its edges, or by a new point beside it that takes over part of its star.

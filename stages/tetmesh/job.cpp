@@ -13,8 +13,10 @@
 #include "stages/common/surface_io.hpp"
 #include "stages/tetmesh/hxt.hpp"
 #include "stages/tetmesh/measure.hpp"
+#include "stages/tetmesh/nesting.hpp"
 #include "stages/tetmesh/order.hpp"
 #include "stages/tetmesh/project_fields.hpp"
+#include "stages/tetmesh/project_surface.hpp"
 
 namespace viscera {
 namespace {
@@ -117,7 +119,7 @@ void MeshJob::take_labels(const StageRun& run) {
                  .allowed = "background all around",
                  .remedy = "pass the volume through viscera-labels, which pads"});
   }
-  components_ = find_components(*image_);
+  interfaces_.emplace(*image_);
   fields_.emplace(*image_,
                   run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(frame));
 }
@@ -152,6 +154,8 @@ void MeshJob::take_surface(const StageRun& run) {
   const std::string file = run.input("surface").string();
   const SurfaceMesh surface = body_surface(read_vtp(run.input("surface")), file);
   surface_.emplace(surface, file);
+  surface_projector_ = surface_projector(surface);
+  check_nesting(surface, file);
   if (fields_) return;  // volumes and names come from the labels
   if (surface.label_names.begin()->first == body_label) {
     throw Error(ExitCode::bad_input,
@@ -205,7 +209,7 @@ TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
     sizing.scale = [field, cell_size](const Vec& p) { return field->at(p) / cell_size; };
     largest = field->largest() / cell_size;
   }
-  const auto seeds = seed_interfaces(*fields_, *image_, components_, sizing, largest);
+  const auto seeds = seed_interfaces(*fields_, *interfaces_, sizing, largest);
   return mesh_fields(*fields_, seeds, lattice(sizing), sizing, slivers);
 }
 
@@ -220,7 +224,8 @@ void MeshJob::assign_labels(TetMesh& mesh) const {
 
 MeshJob::Result MeshJob::mesh(double cell_size) const {
   const auto progress = [](double part) { log::progress("tets", 0.5 + 0.5 * part, "improving"); };
-  return build(cell_size, slivers_, {.graded = !sizes_.uniform(), .progress = progress});
+  return build(cell_size, slivers_,
+               {.graded = !sizes_.uniform(), .volume = body_volume_, .progress = progress});
 }
 
 MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
@@ -232,7 +237,7 @@ MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
   if (hxt_ && !mesh.tets.empty()) mesh = fill_with_hxt(mesh);
   if (improve_) {
     result.improved =
-        improve(mesh, by_fields_ ? field_projector(*fields_) : surface_->projector(), options);
+        improve(mesh, by_fields_ ? field_projector(*fields_) : surface_projector_, options);
   }
   // Only now: on the surface route the improver has the whole body to work with.
   if (!by_fields_ && fields_) assign_labels(mesh);

@@ -39,6 +39,10 @@ class MeshJob {
   };
   Result mesh(double cell_size) const;
 
+  // Whether volumes have to be met by aiming: those of several materials, or of one that our
+  // improver does not see to.
+  bool needs_aim() const { return by_fields_ && (names_.size() > 1 || !improve_); }
+
   // Meshes, and aims the fields so that the next mesh has the volumes asked for. Returns the number
   // of tets. On the surface route volumes are what the surface gives.
   std::size_t calibrate(double cell_size);
@@ -74,9 +78,10 @@ class MeshJob {
   Sizing factors_;        // facet_size and facet_distance as multiples of the cell size
   std::optional<LabelImage> image_;
   SizeRule sizes_;
-  Components components_;  // of the image
+  std::optional<Interfaces> interfaces_;  // of the image
   std::optional<MaterialFields> fields_;
   std::optional<SurfaceBody> surface_;
+  Projector surface_projector_;  // onto it
   double body_volume_ = 0.0;
   std::map<int, double> label_volumes_;
   std::map<int, std::string> names_;

@@ -1,5 +1,7 @@
 #include "stages/tetmesh/judge.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -101,8 +103,34 @@ Json to_json(const Deviation& deviation) {
   return {{"rms_mm", deviation.rms}, {"max_mm", deviation.max}, {"max_at", deviation.place}};
 }
 
-Json judge_distance(StageRun& run, const TetMesh& mesh, const SurfaceMesh& surface) {
-  const auto found = surface_distance(mesh, surface, sample_spacing * mean_boundary_edge(mesh));
+constexpr std::size_t warned = 5;  // of the lost parts; quality.json names them all
+
+Json lost_parts(const std::vector<LostPart>& lost) {
+  Json list = Json::array();
+  for (const LostPart& part : lost) {
+    const bool detached = part.detached_volume > 0.0;
+    const auto& [x, y, z] = part.place;
+    list.push_back({{"at", part.place},
+                    {"depth_mm", part.depth},
+                    {"thickness_mm", part.thickness},
+                    {"detached_ml", part.detached_volume / 1000.0}});
+    if (list.size() > warned) continue;
+    log::warn(
+        "a part near ({:.1f}, {:.1f}, {:.1f}) mm is not in the mesh: {}, {:.1f} mm away", x, y, z,
+        detached
+            ? fmt::format("{:.3g} ml, cut off the body by smoothing", part.detached_volume / 1000.0)
+            : fmt::format("{:.1f} mm thick, thinner than the cell size", part.thickness),
+        part.depth);
+  }
+  return list;
+}
+
+Json judge_distance(StageRun& run, const TetMesh& mesh, const Wanted& wanted) {
+  const double edge = mean_boundary_edge(mesh);
+  const auto found = surface_distance(mesh, *wanted.surface,
+                                      {.spacing = sample_spacing * edge,
+                                       .cell_size = wanted.cell_size.value_or(edge),
+                                       .bodies = wanted.bodies});
   log::info(
       "mesh to surface: rms {:.3f}, max {:.2f} mm; surface to mesh: rms {:.3f}, max {:.2f} mm",
       found.to_surface.rms, found.to_surface.max, found.to_mesh.rms, found.to_mesh.max);
@@ -110,7 +138,10 @@ Json judge_distance(StageRun& run, const TetMesh& mesh, const SurfaceMesh& surfa
     run.gate("max_distance", std::max(found.to_surface.max, found.to_mesh.max),
              "<=", run.param<double>("max_distance"), "mm");
   }
-  return {{"to_surface", to_json(found.to_surface)}, {"to_mesh", to_json(found.to_mesh)}};
+  return {{"to_surface", to_json(found.to_surface)},
+          {"to_mesh", to_json(found.to_mesh)},
+          {"to_mesh_kept", to_json(found.to_mesh_kept)},
+          {"lost", lost_parts(found.lost)}};
 }
 
 Json judge_time_step(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& quality,
@@ -141,7 +172,7 @@ Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& qu
   report["volume"] = judge_volumes(run, mesh, quality, wanted);
   run.gate("min_dihedral", smallest, ">=", run.param<double>("min_dihedral"), "deg");
   report["topology"] = judge_topology(run, mesh, wanted);
-  if (wanted.surface) report["distance"] = judge_distance(run, mesh, *wanted.surface);
+  if (wanted.surface) report["distance"] = judge_distance(run, mesh, wanted);
   if (!wanted.time.materials.empty())
     report["time_step"] = judge_time_step(run, mesh, quality, wanted.time);
   if (wanted.tets)

@@ -18,6 +18,7 @@ struct Wanted {
   std::optional<std::size_t> bodies;
   std::optional<double> tets;
   std::optional<SurfaceMesh> surface;  // of the body
+  std::optional<double> cell_size;     // mm
   TimeGoal time;
 };
 

@@ -11,7 +11,6 @@
 #include "stages/common/surface_mesh.hpp"
 #include "stages/common/tet_mesh.hpp"
 #include "stages/tetmesh/material_fields.hpp"
-#include "stages/tetmesh/projector.hpp"
 
 namespace viscera {
 
@@ -40,11 +39,25 @@ struct Seed {
   int inside = 0, outside = 0;  // labels; 0 is background
 };
 
-// Seeds on every interface of every component (find_components(image)), about 1.5 `spacing` apart
-// and closer on small components, so that none is overlooked.
-std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage& image,
-                                  const Components& components, const Sizing& sizing,
-                                  double largest_scale = 1.0);
+// Where voxels of different labels meet, and what each of them is part of.
+struct Interfaces {
+  explicit Interfaces(const LabelImage& image);
+  struct Face {
+    std::array<int, 3> at;              // of the voxel on its lower side
+    std::array<std::size_t, 2> voxels;  // on both sides
+    int axis;
+  };
+  Components components;  // of the labels
+  std::vector<Face> faces;
+};
+
+// Seeds on every interface of every component, about a facet apart, so that refinement finds little
+// to add, and closer on small components, so that none is overlooked.
+std::vector<Seed> seed_interfaces(const MaterialFields& fields, const Interfaces& interfaces,
+                                  const Sizing& sizing, double largest_scale = 1.0);
+
+// Between seeds on the surface of a component of this volume (mm3; of either sign).
+double seed_distance(double volume, double facet_size);
 
 // A point well inside a material, where refinement finds its work done.
 struct Inside {
@@ -55,7 +68,7 @@ struct Inside {
 // The sites of a body-centred cubic lattice of this constant that lie deeper in their material than
 // lattice_depth of it: its tets are as good as Delaunay tets get (dihedral angles of 60 and 90
 // deg).
-constexpr double lattice_depth = 0.6;
+constexpr double lattice_depth = 0.45;
 std::vector<Inside> seed_interior(const MaterialFields& fields, double constant);
 
 // Conforming tets of all materials, LPS mm, positively oriented.
@@ -75,9 +88,6 @@ class SurfaceBody {
   // Tets inside, all labelled `label`.
   TetMesh mesh(int label, const std::vector<Inside>& interior, const Sizing& sizing,
                const Slivers& slivers) const;
-
-  // Onto the nearest place of the surface, whatever the labels.
-  Projector projector() const;
 
  private:
   struct Data;

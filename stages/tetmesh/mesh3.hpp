@@ -6,11 +6,16 @@
 #include <CGAL/Mesh_complex_3_in_triangulation_3.h>
 #include <CGAL/Mesh_criteria_3.h>
 #include <CGAL/Mesh_triangulation_3.h>
+#include <CGAL/Spatial_sort_traits_adapter_3.h>
+#include <CGAL/Unique_hash_map.h>
 #include <CGAL/exude_mesh_3.h>
 #include <CGAL/perturb_mesh_3.h>
+#include <CGAL/property_map.h>
 #include <CGAL/refine_mesh_3.h>
+#include <CGAL/spatial_sort.h>
 
-#include <map>
+#include <numeric>
+#include <utility>
 
 #include "pipeline/contract/log.hpp"
 #include "stages/tetmesh/mesh.hpp"
@@ -30,21 +35,17 @@ class Mesher {
   explicit Mesher(const Domain& domain) : domain_(domain) {}
 
   // `patch` is the surface patch that `point` lies on.
-  void insert(const Kernel::Point_3& point, const typename Domain::Surface_patch_index& patch) {
-    const auto vertex = complex_.triangulation().insert(Weighted(point));
-    complex_.set_dimension(vertex, 2);
-    complex_.set_index(vertex, domain_.index_from_surface_patch_index(patch));
+  void add(const Kernel::Point_3& point, const typename Domain::Surface_patch_index& patch) {
+    sites_.push_back({point, 2, domain_.index_from_surface_patch_index(patch)});
   }
 
-  void insert_inside(const Kernel::Point_3& point,
-                     const typename Domain::Subdomain_index& subdomain) {
-    const auto vertex = complex_.triangulation().insert(Weighted(point));
-    complex_.set_dimension(vertex, 3);
-    complex_.set_index(vertex, domain_.index_from_subdomain_index(subdomain));
+  void add_inside(const Kernel::Point_3& point, const typename Domain::Subdomain_index& subdomain) {
+    sites_.push_back({point, 3, domain_.index_from_subdomain_index(subdomain)});
   }
 
   // `manifold`: every edge of the surface gets two facets; only sound where materials do not meet.
   void refine(const Sizing& sizing, bool manifold) {
+    insert_sites();
     namespace p = CGAL::parameters;
     const Criteria criteria(p::facet_angle = sizing.facet_angle,
                             p::facet_size = LocalLength{sizing, sizing.facet_size},
@@ -67,18 +68,19 @@ class Mesher {
   // Points in the order of the tets that first use them, which keeps neighbours close in memory.
   TetMesh extract() const {
     TetMesh mesh;
-    std::map<typename Triangulation::Vertex_handle, int> index;
+    CGAL::Unique_hash_map<typename Triangulation::Vertex_handle, int> index(-1);
     for (auto cell = complex_.cells_in_complex_begin(); cell != complex_.cells_in_complex_end();
          ++cell) {
       std::array<int, 4> tet{};
       for (int corner = 0; corner < 4; ++corner) {
         const auto vertex = cell->vertex(corner);
-        const auto [entry, fresh] = index.try_emplace(vertex, static_cast<int>(mesh.points.size()));
-        if (fresh) {
+        int& place = index[vertex];
+        if (place < 0) {
+          place = static_cast<int>(mesh.points.size());
           const auto& p = vertex->point().point();
           mesh.points.push_back({p.x(), p.y(), p.z()});
         }
-        tet[corner] = entry->second;
+        tet[corner] = place;
       }
       mesh.tets.push_back(tet);
       mesh.labels.push_back(static_cast<int>(complex_.subdomain_index(cell)));
@@ -87,6 +89,25 @@ class Mesher {
   }
 
  private:
+  // All that was added, each beside the one before it, which is where its place is looked for.
+  void insert_sites() {
+    std::vector<Kernel::Point_3> points;
+    for (const Site& site : sites_) points.push_back(site.point);
+    std::vector<std::size_t> order(points.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    using Map = typename CGAL::Pointer_property_map<Kernel::Point_3>::const_type;
+    CGAL::spatial_sort(order.begin(), order.end(),
+                       CGAL::Spatial_sort_traits_adapter_3<Kernel, Map>(
+                           CGAL::make_property_map(std::as_const(points))));
+    typename Triangulation::Cell_handle near{};
+    for (const std::size_t i : order) {
+      const auto vertex = complex_.triangulation().insert(Weighted(points[i]), near);
+      complex_.set_dimension(vertex, sites_[i].dimension);
+      complex_.set_index(vertex, sites_[i].index);
+      near = vertex->cell();
+    }
+  }
+
   // A bound that follows the local scale, in the terms of CGAL's MeshDomainField_3.
   struct LocalLength {
     using FT = double;
@@ -99,7 +120,14 @@ class Mesher {
     double length;
   };
 
+  struct Site {
+    Kernel::Point_3 point;
+    int dimension;
+    typename Domain::Index index;
+  };
+
   const Domain& domain_;
+  std::vector<Site> sites_;
   Complex complex_;
 };
 

@@ -20,7 +20,7 @@ Domain make_domain(const MaterialFields& fields) {
     if ((++calls & 0xffffu) == 0) log::check_interrupt();
     return fields.at({p.x(), p.y(), p.z()});
   };
-  return Domain(material, box, CGAL::parameters::relative_error_bound = 1e-6);
+  return Domain(material, box, CGAL::parameters::relative_error_bound = 1e-5);
 }
 
 void to_lps(const Frame& frame, TetMesh& mesh) {
@@ -37,11 +37,11 @@ TetMesh mesh_fields(const MaterialFields& fields, const std::vector<Seed>& seeds
   const Domain domain = make_domain(fields);
   mesh3::Mesher<Domain> mesher(domain);
   for (const auto& seed : seeds) {
-    mesher.insert({seed.point[0], seed.point[1], seed.point[2]},
-                  {std::min(seed.inside, seed.outside), std::max(seed.inside, seed.outside)});
+    mesher.add({seed.point[0], seed.point[1], seed.point[2]},
+               {std::min(seed.inside, seed.outside), std::max(seed.inside, seed.outside)});
   }
   for (const auto& site : interior)
-    mesher.insert_inside({site.point[0], site.point[1], site.point[2]}, site.label);
+    mesher.add_inside({site.point[0], site.point[1], site.point[2]}, site.label);
   mesher.refine(sizing, fields.ids().size() == 1);
   mesher.work_on(slivers);
   TetMesh mesh = mesher.extract();

@@ -2,7 +2,6 @@
 #include <CGAL/AABB_face_graph_triangle_primitive.h>
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
-#include <CGAL/Polygon_mesh_processing/compute_normal.h>
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
 #include <CGAL/Polygon_mesh_processing/self_intersections.h>
@@ -14,6 +13,7 @@
 #include "pipeline/contract/error.hpp"
 #include "stages/tetmesh/mesh.hpp"
 #include "stages/tetmesh/mesh3.hpp"
+#include "stages/tetmesh/spread.hpp"
 
 namespace viscera {
 namespace {
@@ -153,15 +153,6 @@ std::vector<Inside> SurfaceBody::seed_interior(double constant) const {
   return inside;
 }
 
-Projector SurfaceBody::projector() const {
-  return [data = data_](const Vec& point, const std::vector<int>&) -> std::optional<Contact> {
-    const auto [place, face] =
-        data->tree.closest_point_and_primitive({point[0], point[1], point[2]});
-    const auto n = CGAL::Polygon_mesh_processing::compute_face_normal(face, data->triangles);
-    return Contact{{place.x(), place.y(), place.z()}, {{n.x(), n.y(), n.z()}}};
-  };
-}
-
 TetMesh SurfaceBody::mesh(int label, const std::vector<Inside>& interior, const Sizing& sizing,
                           const Slivers& slivers) const {
   CGAL::Random random(0);
@@ -170,14 +161,18 @@ TetMesh SurfaceBody::mesh(int label, const std::vector<Inside>& interior, const 
   // Every shell starts with points about one facet apart, taken from its own vertices.
   const SurfaceMesh& surface = data_->surface;
   for (const auto& shell : find_shells(surface)) {
-    const auto step = std::max<std::size_t>(1, shell.triangles.size() / 40);
-    for (std::size_t t = 0; t < shell.triangles.size(); t += step) {
-      const auto& p = surface.points[surface.triangles[shell.triangles[t]][0]];
-      mesher.insert({p[0], p[1], p[2]}, {0, 1});
-    }
+    const double distance = seed_distance(shell.volume, sizing.facet_size);
+    Spread spread(distance);
+    for (const int t : shell.triangles)
+      for (const int corner : surface.triangles[t]) {
+        const auto& p = surface.points[corner];
+        if (spread.has_near(p, distance)) continue;
+        spread.add(p);
+        mesher.add({p[0], p[1], p[2]}, {0, 1});
+      }
   }
   for (const auto& site : interior)
-    mesher.insert_inside({site.point[0], site.point[1], site.point[2]}, site.label);
+    mesher.add_inside({site.point[0], site.point[1], site.point[2]}, site.label);
   mesher.refine(sizing, true);
   mesher.work_on(slivers);
   TetMesh tets = mesher.extract();

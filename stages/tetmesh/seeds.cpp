@@ -2,53 +2,22 @@
 // small components; these walk over all interfaces of the voxels instead.
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numbers>
 
-#include "stages/common/label_components.hpp"
 #include "stages/tetmesh/mesh.hpp"
+#include "stages/tetmesh/spread.hpp"
 
 namespace viscera {
 namespace {
 
-using Point = std::array<double, 3>;
-
-// Buckets as wide as the largest distance asked for, so that 27 of them hold every near point.
-class Spread {
- public:
-  explicit Spread(double width) : width_(width) {}
-
-  bool has_near(const Point& p, double distance) const {
-    const auto at = bucket(p);
-    for (int n = 0; n < 27; ++n) {
-      const auto found =
-          points_.find({at[0] + n % 3 - 1, at[1] + n / 3 % 3 - 1, at[2] + n / 9 - 1});
-      if (found == points_.end()) continue;
-      for (const auto& q : found->second)
-        if (std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]) < distance) return true;
-    }
-    return false;
-  }
-  void add(const Point& p) { points_[bucket(p)].push_back(p); }
-
- private:
-  std::array<int, 3> bucket(const Point& p) const {
-    std::array<int, 3> at{};
-    for (int a = 0; a < 3; ++a) at[a] = static_cast<int>(std::floor(p[a] / width_));
-    return at;
-  }
-  double width_;
-  std::map<std::array<int, 3>, std::vector<Point>> points_;
-};
-
 // Halves the way between two places of different material until it is short; false when a third
 // material lies between them.
-bool find_interface(const MaterialFields& fields, Point a, Point b, Seed& seed) {
+bool find_interface(const MaterialFields& fields, Vec a, Vec b, Seed& seed) {
   seed.inside = fields.at(a);
   seed.outside = fields.at(b);
   if (seed.inside == seed.outside) return false;
   for (int step = 0; step < 24; ++step) {
-    const Point middle{0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])};
+    const Vec middle{0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])};
     const int material = fields.at(middle);
     if (material == seed.inside) {
       a = middle;
@@ -64,49 +33,58 @@ bool find_interface(const MaterialFields& fields, Point a, Point b, Seed& seed) 
 
 }  // namespace
 
-std::vector<Seed> seed_interfaces(const MaterialFields& fields, const LabelImage& image,
-                                  const Components& components, const Sizing& sizing,
-                                  double largest_scale) {
+Interfaces::Interfaces(const LabelImage& image) : components(find_components(image)) {
   const Frame& frame = image.frame;
-  std::vector<double> apart(components.list.size());
-  for (std::size_t c = 0; c < apart.size(); ++c) {
-    const double volume = static_cast<double>(components.list[c].voxels) * frame.voxel_volume();
-    const double radius = std::cbrt(0.75 * volume / std::numbers::pi);
-    apart[c] = std::min(1.5 * largest_scale * sizing.facet_size, 0.7 * radius);
-  }
-  std::vector<Seed> seeds;
-  Spread spread(1.5 * largest_scale * sizing.facet_size);
+  const std::array<std::size_t, 3> step{1, frame.index(0, 1, 0), frame.index(0, 0, 1)};
   for (int k = 0; k + 1 < frame.size[2]; ++k)
     for (int j = 0; j + 1 < frame.size[1]; ++j)
       for (int i = 0; i + 1 < frame.size[0]; ++i)
         for (int a = 0; a < 3; ++a) {
-          const std::array<int, 3> at{i, j, k};
-          std::array<int, 3> next = at;
-          ++next[a];
-          const std::size_t v = frame.index(i, j, k), n = frame.index(next[0], next[1], next[2]);
-          if (image.voxels[v] == image.voxels[n]) continue;
-          Point p{}, q{};
-          for (int c = 0; c < 3; ++c) {
-            p[c] = at[c] * frame.spacing[c];
-            q[c] = next[c] * frame.spacing[c];
-          }
-          const double distance = std::min({apart[components.of[v]], apart[components.of[n]],
-                                            1.5 * sizing.facet_size * sizing.scale_at(p)});
-          Seed seed;
-          if (spread.has_near(p, distance) || !find_interface(fields, p, q, seed) ||
-              spread.has_near(seed.point, distance)) {
-            continue;
-          }
-          spread.add(seed.point);
-          seeds.push_back(seed);
+          const std::size_t v = frame.index(i, j, k);
+          if (image.voxels[v] != image.voxels[v + step[a]])
+            faces.push_back({{i, j, k}, {v, v + step[a]}, a});
         }
+}
+
+std::vector<Seed> seed_interfaces(const MaterialFields& fields, const Interfaces& interfaces,
+                                  const Sizing& sizing, double largest_scale) {
+  const Frame& frame = fields.frame();
+  const Components& components = interfaces.components;
+  std::vector<double> apart(components.list.size());
+  for (std::size_t c = 0; c < apart.size(); ++c) {
+    const double volume = static_cast<double>(components.list[c].voxels) * frame.voxel_volume();
+    apart[c] = seed_distance(volume, largest_scale * sizing.facet_size);
+  }
+  std::vector<Seed> seeds;
+  Spread spread(largest_scale * sizing.facet_size);
+  for (const auto& face : interfaces.faces) {
+    Vec p{}, q{};
+    for (int c = 0; c < 3; ++c) {
+      p[c] = face.at[c] * frame.spacing[c];
+      q[c] = (face.at[c] + (c == face.axis)) * frame.spacing[c];
+    }
+    const double distance =
+        std::min({apart[components.of[face.voxels[0]]], apart[components.of[face.voxels[1]]],
+                  sizing.facet_size * sizing.scale_at(p)});
+    Seed seed;
+    if (spread.has_near(p, distance) || !find_interface(fields, p, q, seed) ||
+        spread.has_near(seed.point, distance)) {
+      continue;
+    }
+    spread.add(seed.point);
+    seeds.push_back(seed);
+  }
   return seeds;
+}
+
+double seed_distance(double volume, double facet_size) {
+  return std::min(facet_size, 0.7 * std::cbrt(0.75 * std::abs(volume) / std::numbers::pi));
 }
 
 std::vector<Inside> seed_interior(const MaterialFields& fields, double constant) {
   const Frame& frame = fields.frame();
   const double depth = lattice_depth * constant, slanted = depth / std::sqrt(3.0);
-  std::vector<Point> probes;
+  std::vector<Vec> probes;
   for (const double s : {-1.0, 1.0}) {
     for (int a = 0; a < 3; ++a) {
       probes.push_back({});
@@ -122,7 +100,7 @@ std::vector<Inside> seed_interior(const MaterialFields& fields, double constant)
   for (int k = 0; k <= 2 * sites(2); ++k)
     for (int j = k % 2; j <= 2 * sites(1); j += 2)
       for (int i = k % 2; i <= 2 * sites(0); i += 2) {
-        const Point p{0.5 * constant * i, 0.5 * constant * j, 0.5 * constant * k};
+        const Vec p{0.5 * constant * i, 0.5 * constant * j, 0.5 * constant * k};
         const int label = fields.at(p);
         const bool deep =
             label != 0 && std::all_of(probes.begin(), probes.end(), [&](const auto& d) {

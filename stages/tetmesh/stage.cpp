@@ -65,7 +65,8 @@ std::vector<Param> params() {
        .fallback = 2,
        .lo = 0.0,
        .hi = 10.0,
-       .doc = "trial meshes from which the materials' volumes are calibrated (route fields)"},
+       .doc = "trial meshes from which the volumes of several materials are calibrated (route "
+              "fields)"},
       {.name = "mesher",
        .type = ParamType::text,
        .fallback = "cgal",
@@ -172,7 +173,7 @@ double expected_tets(const StageRun& run, const MeshJob& job) {
 }
 
 void calibrate(const StageRun& run, MeshJob& job, double cell_size) {
-  const int passes = job.by_fields() ? run.param<int>("volume_passes") : 0;
+  const int passes = job.needs_aim() ? run.param<int>("volume_passes") : 0;
   for (int pass = 0; pass < passes; ++pass) {
     log::progress("tets", 0.3 * pass / passes, "calibrating volumes");
     job.calibrate(cell_size);
@@ -226,7 +227,7 @@ Made make_mesh(StageRun& run) {
   const TimeGoal time = time_goal(run, job.names());
   const double tets = expected_tets(run, job), memory = job.estimate_memory(tets);
   log::info("expecting about {:.0f} thousand tets and {:.0f} MB", tets / 1e3, memory / 1e6);
-  const Watchdog watchdog(run.param<double>("time_limit"), memory, run.out(""));
+  const Watchdog watchdog(run.param<double>("time_limit"), memory, run.out("").parent_path());
   double cell_size = settle_cell_size(run, job);
   const std::clock_t begin = std::clock();  // the mesher has one thread: CPU time is its own
   auto [mesh, mended, improved] = mesh_for(run, job, time, cell_size);
@@ -246,6 +247,7 @@ Made make_mesh(StageRun& run) {
             .wanted = {.label_volumes = job.label_volumes(),
                        .body_volume = job.body_volume(),
                        .bodies = job.bodies(),
+                       .cell_size = cell_size,
                        .time = time},
             .how = {{"route", job.by_fields() ? "fields" : "surface"},
                     {"cell_size_mm", cell_size},
@@ -316,7 +318,7 @@ Stage tetmesh_stage() {
   Stage stage;
   stage.info = {
       .name = "tetmesh",
-      .version = "3",
+      .version = "4",
       .doc = "Labels or a surface to a conforming tetrahedral mesh with its quality.",
       .inputs = {{.role = "labels", .required = false, .doc = "labels.nrrd of viscera-labels"},
                  {.role = "surface",

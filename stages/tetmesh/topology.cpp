@@ -3,6 +3,7 @@
 #include <map>
 #include <numeric>
 #include <set>
+#include <tuple>
 
 namespace viscera {
 namespace {
@@ -176,26 +177,38 @@ void drop_islands(TetMesh& mesh, std::size_t bodies, Mended& mended) {
 
 }  // namespace
 
+// Sorted by smallest corner through counting, and only then, a handful at a time, by the others.
 std::vector<Face> find_faces(const TetMesh& mesh) {
   struct Side {
     std::array<int, 3> corners;
     int tet, opposite;
   };
-  std::vector<Side> sides;
-  sides.reserve(4 * mesh.tets.size());
+  std::vector<Side> sides(4 * mesh.tets.size());
+  std::vector<std::size_t> next(mesh.points.size() + 1);  // place of the next side, by corner
+  const auto corners_of = [&mesh](std::size_t t, int f) {
+    const auto& tet = mesh.tets[t];
+    std::array<int, 3> corners{tet[face_corners[f][0]], tet[face_corners[f][1]],
+                               tet[face_corners[f][2]]};
+    std::sort(corners.begin(), corners.end());
+    return corners;
+  };
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t)
+    for (int f = 0; f < 4; ++f) ++next[corners_of(t, f)[0] + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
   for (std::size_t t = 0; t < mesh.tets.size(); ++t)
     for (int f = 0; f < 4; ++f) {
-      const auto& tet = mesh.tets[t];
-      Side side{{tet[face_corners[f][0]], tet[face_corners[f][1]], tet[face_corners[f][2]]},
-                static_cast<int>(t),
-                f};
-      std::sort(side.corners.begin(), side.corners.end());
-      sides.push_back(side);
+      const auto corners = corners_of(t, f);
+      sides[next[corners[0]]++] = {corners, static_cast<int>(t), f};
     }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-    return a.corners != b.corners ? a.corners < b.corners : a.tet < b.tet;
-  });
   std::vector<Face> faces;
+  faces.reserve(sides.size() / 2 + sides.size() / 16);
+  std::size_t begin = 0;
+  for (std::size_t p = 0; p < mesh.points.size(); begin = next[p++])
+    std::sort(sides.begin() + static_cast<std::ptrdiff_t>(begin),
+              sides.begin() + static_cast<std::ptrdiff_t>(next[p]),
+              [](const Side& x, const Side& y) {
+                return std::tie(x.corners, x.tet) < std::tie(y.corners, y.tet);
+              });
   for (const auto& side : sides) {
     if (faces.empty() || faces.back().corners != side.corners)
       faces.push_back({side.corners, {-1, -1}, {-1, -1}, 0});

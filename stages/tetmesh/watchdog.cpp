@@ -69,6 +69,7 @@ void Watchdog::watch(double seconds, const std::filesystem::path& folder) {
   log::error("{}", late.what());
   std::error_code ignored;
   std::filesystem::remove_all(folder, ignored);
+  std::filesystem::remove(folder.parent_path(), ignored);  // only when nothing else is in there
   std::_Exit(static_cast<int>(ExitCode::try_again));
 }
 

@@ -327,6 +327,20 @@ TEST_F(Cache, RunningAgainNoticesAStageThatIsNotDeterministic) {
   EXPECT_TRUE(contains(moody.errors, "beta: another result than before")) << moody.errors;
 }
 
+TEST_F(Cache, AStageMayTakeFromAFileTheRoleThatItWritesItself) {
+  work_.write("foreign.txt", "made elsewhere\n");
+  work_.write("import.yaml", "viscera: 1\nstages:\n  refit: {in: {b: foreign.txt}}\n  echo: {}\n");
+  const auto first = work_.viscera({"run", "import.yaml"});
+  EXPECT_EQ(first.exit, 0) << first.errors;
+  work_.started();
+  EXPECT_TRUE(contains(work_.read("out/import/refit/refit.txt"), "made elsewhere"));
+  EXPECT_TRUE(contains(work_.read("out/import/echo/echo.txt"), "made elsewhere"));
+  work_.write("foreign.txt", "made elsewhere, better\n");
+  EXPECT_EQ(work_.viscera({"run", "import.yaml"}).exit, 0);
+  EXPECT_EQ(work_.started(), "refit run\necho run\n");
+  EXPECT_TRUE(contains(work_.read("out/import/echo/echo.txt"), "better"));
+}
+
 TEST_F(Cache, AFailedGateIsKeptReportedAgainAndShownByLaterStages) {
   for (const bool first : {true, false}) {
     const auto run = work_.run({"--set", "beta.limit=1"});

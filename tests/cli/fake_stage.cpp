@@ -35,7 +35,8 @@ Param size_param() {
 }
 
 // volume -> alpha -> (role a) -> beta -> (role b) -> gamma -> page; gamma reads a and b's manifest
-// as well. echo reads b alone. delta writes role a too. loop_one and loop_two feed one another.
+// as well. echo reads b alone. refit writes b and may read b from a file. delta writes role a too.
+// loop_one and loop_two feed one another.
 StageInfo declare(const std::string& name) {
   StageInfo info{.name = name, .version = "1", .doc = "a fake stage"};
   info.params = {{.name = "text", .fallback = "hello", .doc = "copied to the output"},
@@ -51,6 +52,7 @@ StageInfo declare(const std::string& name) {
   };
   if (name == "alpha" || name == "delta") feed("volume", "a");
   if (name == "echo") feed("b", "e");
+  if (name == "refit") feed("b", "b");
   if (name == "loop_one") feed("c", "d");
   if (name == "loop_two") feed("d", "c");
   if (name == "beta") {

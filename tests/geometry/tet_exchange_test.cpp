@@ -310,7 +310,7 @@ TEST(Distance, IsMeasuredBothWaysWithItsPlace) {
                 {0, 0, 1.1}, {1, 0, 1.1}, {0, 1, 1.1}, {1, 1, 1.1}};
   box.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
-  const auto found = surface_distance(mesh, box, 0.01);
+  const auto found = surface_distance(mesh, box, {.spacing = 0.01, .cell_size = 1.0});
   EXPECT_NEAR(found.to_surface.max, 0.1, 1e-12);
   EXPECT_NEAR(found.to_surface.place[2], 1.0, 1e-12);
   EXPECT_NEAR(found.to_mesh.max, 0.1, 1e-12);
@@ -319,6 +319,31 @@ TEST(Distance, IsMeasuredBothWaysWithItsPlace) {
   // 4 (1 - 2r) r^2 dr up to r = 0.1 along the rim; over an area of 6.
   const double squares = 0.0064 + 4.0 * (1e-3 / 3.0 - 1e-4 / 2.0);
   EXPECT_NEAR(found.to_surface.rms, std::sqrt(squares / 6.0), 1e-5);
+  EXPECT_TRUE(found.lost.empty());
+}
+
+// A needle on the cube, and a second shell where only one body is wanted.
+TEST(Distance, WhatTheMeshLacksIsListedByKind) {
+  SurfaceMesh surface;
+  surface.points = {{0, 0, 0},     {1, 0, 0},       {0, 1, 0},       {1, 1, 0},
+                    {0, 0, 1},     {1, 0, 1},       {0, 1, 1},       {1, 1, 1},
+                    {5, 5, 5},     {5.2, 5, 5},     {5, 5.2, 5},     {5, 5, 5.2},
+                    {0.5, 0.5, 4}, {0.45, 0.45, 1}, {0.55, 0.45, 1}, {0.5, 0.55, 1}};
+  surface.triangles = {{0, 2, 1},    {1, 2, 3},    {0, 1, 4},   {1, 5, 4},   {2, 6, 3},
+                       {3, 6, 7},    {0, 4, 2},    {2, 4, 6},   {1, 3, 5},   {3, 7, 5},
+                       {8, 10, 9},   {8, 9, 11},   {9, 10, 11}, {8, 11, 10}, {13, 14, 12},
+                       {14, 15, 12}, {15, 13, 12}, {4, 5, 14},  {4, 14, 13}, {5, 7, 15},
+                       {5, 15, 14},  {7, 6, 15},   {6, 4, 13},  {6, 13, 15}};
+  surface.labels.assign(surface.triangles.size(), 1);
+  const auto found =
+      surface_distance(two_materials(), surface, {.spacing = 0.05, .cell_size = 0.5, .bodies = 1});
+  ASSERT_EQ(found.lost.size(), 2u);
+  EXPECT_NEAR(found.lost[0].detached_volume, 0.008 / 6.0, 1e-6);
+  EXPECT_EQ(found.lost[1].detached_volume, 0.0);
+  EXPECT_NEAR(found.lost[1].place[2], 4.0, 0.1);
+  EXPECT_LT(found.lost[1].thickness, 0.15);
+  EXPECT_LT(found.to_mesh_kept.max, 0.25);
+  EXPECT_GT(found.to_mesh.max, 4.0);
 }
 
 }  // namespace
