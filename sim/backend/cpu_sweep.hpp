@@ -60,6 +60,13 @@ struct PackedElements {
     }
   }
 
+  // Where element_of[at] is.
+  void put_rest(std::size_t at, const Rest& rest) {
+    std::array<T, numbers> values;
+    std::memcpy(values.data(), &rest, sizeof(Rest));
+    for (std::size_t k = 0; k < numbers; ++k) groups[at / width].rest[k][at % width] = values[k];
+  }
+
  private:
   void add_group(std::span<const int> lanes, std::span<const int> elements,
                  const std::vector<Vertices>& vertices, std::span<const Rest> rest) {
@@ -67,13 +74,11 @@ struct PackedElements {
     for (int lane = 0; lane < width; ++lane) {
       const bool filler = lane >= static_cast<int>(lanes.size());
       const int at = filler ? lanes.back() : lanes[lane];
-      std::array<T, numbers> values;
-      std::memcpy(values.data(), &rest[elements[at]], sizeof(Rest));
-      for (std::size_t k = 0; k < numbers; ++k) group.rest[k][lane] = values[k];
       for (int i = 0; i < Effect::arity; ++i) {
         group.vertices[i][lane] = vertices[at][i];
       }
       element_of.push_back(elements[at]);
+      put_rest(element_of.size() - 1, rest[elements[at]]);
     }
   }
 };
