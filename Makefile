@@ -82,7 +82,7 @@ bench-mesh: build ## our tets, make_mesh_3's and HXT's on one body: BENCH_VOLUME
 # AddressSanitizer is spared the seconds of motion that run the same code again and again.
 sanitize: packages ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
 	@cmake --preset asan >/dev/null && ninja -C build/asan -j $(JOBS) test_contract test_sim
-	@ctest --test-dir build/asan -L unit -E 'ComesToRest|Equilibrium|Decays|Threads' \
+	@ctest --test-dir build/asan -L unit -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|AllAgreeOnABar' \
 	  --output-on-failure -j $(JOBS)
 	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
 	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
