@@ -14,16 +14,18 @@ Mat3<double> gradient_of(const Model& model, const State& state, std::size_t tet
   return displacement_gradient(u, model.rest_inverse[tet]);
 }
 
-// Of every elastic law that is on, J/m3.
-double energy_density(const Scene& scene, const Material& material, const Mat3<double>& h) {
-  double density = 0.0;
+// Of everything elastic that is on in a tet, J.
+double elastic_energy(const Model& model, const Scene& scene, std::size_t tet,
+                      const Mat3<double>& h) {
+  double sum = 0.0;
   Effects::for_each([&]<class Effect, std::size_t i>() {
-    if constexpr (requires { Effect::energy_density(material, h); }) {
-      const auto times = static_cast<double>(std::get<i>(scene.effects).size());
-      if (times > 0.0) density += times * Effect::energy_density(material, h);
+    if constexpr (requires { &Effect::energy; }) {
+      for (const auto& params : std::get<i>(scene.effects)) {
+        sum += Effect::energy(model, tet, params, h);
+      }
     }
   });
-  return density;
+  return sum;
 }
 
 void add_tets(const Model& model, const Scene& scene, const State& state, Diagnostics& sum) {
@@ -36,7 +38,7 @@ void add_tets(const Model& model, const Scene& scene, const State& state, Diagno
     if (j <= 0.0) ++sum.inverted;
     sum.volume += j * model.volume[t];
     rest_volume += model.volume[t];
-    sum.elastic += energy_density(scene, model.material(t), h) * model.volume[t];
+    sum.elastic += elastic_energy(model, scene, t, h);
   }
   sum.volume_ratio = sum.volume / rest_volume;
 }

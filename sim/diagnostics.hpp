@@ -9,13 +9,13 @@
 namespace viscera::sim {
 
 struct Diagnostics {
-  double kinetic = 0.0;                     // J
-  double elastic = 0.0;                     // J, zero at rest
-  double gravity = 0.0;                     // J, zero at rest position
-  double volume = 0.0;                      // m3
-  double volume_ratio = 0.0;                // to rest
-  double min_j = 0.0;                       // smallest det F
-  std::size_t inverted = 0;                 // tets with det F <= 0
+  double kinetic = 0.0;       // J
+  double elastic = 0.0;       // J, of the tets, zero at rest; not of beds and branches
+  double gravity = 0.0;       // J, zero at rest position
+  double volume = 0.0;        // m3
+  double volume_ratio = 0.0;  // to rest
+  double min_j = 0.0;         // smallest det F
+  std::size_t inverted = 0;   // tets with det F <= 0
   double max_speed = 0.0, rms_speed = 0.0;  // m/s; rms is weighted by mass
   double max_displacement = 0.0;            // m
   double total() const { return kinetic + elastic + gravity; }

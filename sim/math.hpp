@@ -30,6 +30,8 @@ template <class T>
 struct Vec3 {
   T x{}, y{}, z{};
 
+  bool operator==(const Vec3&) const = default;
+
   SIM_HD Vec3& operator+=(const Vec3& b) {
     x += b.x, y += b.y, z += b.z;
     return *this;

@@ -22,7 +22,7 @@ struct Model {
   std::vector<int> material_of;            // [m] index into materials
   std::vector<Material> materials;         // one per label that occurs, in order of label
   std::vector<std::string> label_names;    // likewise; empty where the labels have no names
-  std::vector<double> youngs_modulus;      // [m] Pa, in place of the materials'; empty: theirs
+  std::vector<double> youngs_modulus;      // [m] Pa, measured; 0, or empty: the materials'
   std::vector<Mat3<double>> rest_inverse;  // [m] B = Dm^-1, 1/m
   std::vector<double> volume;              // [m] det(Dm)/6, m3
   std::vector<double> mass;                // [n] lumped: a quarter of each tet's mass, kg
@@ -32,7 +32,9 @@ struct Model {
   std::size_t tet_count() const { return tets.size(); }
   Material material(std::size_t tet) const {
     Material own = materials[material_of[tet]];
-    if (!youngs_modulus.empty()) own.youngs_modulus = youngs_modulus[tet];
+    if (!youngs_modulus.empty() && youngs_modulus[tet] > 0.0) {
+      own.youngs_modulus = youngs_modulus[tet];
+    }
     return own;
   }
   // Diagonal of the bounding box, m: the length L that errors are divided by.

@@ -1,5 +1,6 @@
 #include "sim/regions.hpp"
 
+#include <algorithm>
 #include <map>
 
 namespace viscera::sim {
@@ -56,6 +57,14 @@ Regions::Regions(const Model& model, std::span<const int> region_of) {
     members[m].share = members[m].mass / total[members[m].vertex];
     of_vertex[next[members[m].vertex]++] = static_cast<int>(m);
   }
+}
+
+bool Regions::has_members_of(const Regions& other) const {
+  const auto same_range = [](const Region& a, const Region& b) {
+    return a.begin == b.begin && a.end == b.end;
+  };
+  return begin == other.begin && of_vertex == other.of_vertex &&
+         std::ranges::equal(regions, other.regions, same_range);
 }
 
 }  // namespace viscera::sim

@@ -29,6 +29,7 @@ struct Regions {
 
   // `region_of` numbers the region of each tet.
   Regions(const Model& model, std::span<const int> region_of);
+  bool has_members_of(const Regions& other) const;
 };
 
 }  // namespace viscera::sim

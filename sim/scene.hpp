@@ -19,7 +19,8 @@ struct RestCriterion {
   double hold_s = 0.25;  // s
 };
 
-enum class StabilityPolicy { refuse, warn, substeps };
+// What to do when the substeps are too few (stability.hpp).
+enum class StabilityPolicy { refuse, warn, substeps, form };
 
 struct Scene {
   Effects::Choice effects;

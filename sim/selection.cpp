@@ -177,6 +177,27 @@ TetSubset tets_of(const Model& model, const std::string& label, const std::strin
   return subset;
 }
 
+TetSubset tets_where(const Model& model, const std::vector<char>& mask, bool value) {
+  TetSubset subset;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    if (!mask.empty() && (mask[t] != 0) != value) continue;
+    subset.push_back(model.tets[t]);
+    subset.index.push_back(t);
+  }
+  return subset;
+}
+
+PatchVertices::PatchVertices(const Model& model, const std::vector<Triangle>& faces) {
+  std::map<int, double> area_of;
+  for (const Triangle& face : faces) {
+    for (const int v : face) area_of[v] += norm(area_vector(model, face)) / 3.0;
+  }
+  for (const auto& [vertex, own] : area_of) {
+    push_back({vertex});
+    area.push_back(own);
+  }
+}
+
 std::vector<int> select_vertices(const Model& model, const Selection& selection,
                                  const char* effect) {
   const std::string prefix = std::string("effects.") + effect + ".";

@@ -44,6 +44,21 @@ struct TetSubset : std::vector<Tet> {
 // The tets of a label, or all where `label` is empty.
 TetSubset tets_of(const Model& model, const std::string& label, const std::string& field);
 
+inline bool has_label(const Model& model, std::size_t tet, const std::string& label) {
+  return label.empty() || model.label_names[model.material_of[tet]] == label;
+}
+
+// The tets whose entry in a mask is `value`; all where the mask is empty.
+TetSubset tets_where(const Model& model, const std::vector<char>& mask, bool value);
+
+// The vertices of a patch of the surface, in ascending order. A vertex has a third of the patch's
+// triangles around it as its area at rest.
+struct PatchVertices : std::vector<std::array<int, 1>> {
+  std::vector<double> area;  // m2
+
+  PatchVertices(const Model& model, const std::vector<Triangle>& faces);
+};
+
 // The index into Model::materials of the label called so; refused if there is none.
 int find_label(const Model& model, const std::string& name, const std::string& field);
 

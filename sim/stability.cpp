@@ -29,12 +29,17 @@ Shape shape_of(const Mat3<double>& rest_inverse) {
   return {1.0 / steepest, squares};
 }
 
+double shear_number(const Model& model, std::size_t tet, double dt) {
+  const Material material = model.material(tet);
+  const double speed = std::sqrt(lame(material).mu / material.density);
+  return dt * speed / shape_of(model.rest_inverse[tet]).altitude;
+}
+
 // Of the position based effects only the Neo-Hookean block and Prony branches have a limit.
-StabilityLimit limit_of(const Stability& s, const Scene& scene, Method method) {
-  if (method == Method::tled) return {"Courant", s.courant_max, courant_limit, s.courant_tet};
-  const bool limited = scene.has<NeoHookean>() || scene.has<Prony>();
-  if (method == Method::fem || !limited) return {"none", 0.0, 1.0, 0};
-  return {"Cs", s.cs_max, cs_limit, s.cs_tet};
+bool is_limited(const Scene& scene, std::size_t tet) {
+  return scene.has<Prony>() ||
+         std::ranges::any_of(scene.params<NeoHookean>(),
+                             [tet](const auto& p) { return NeoHookean::acts_on(p, tet); });
 }
 
 // Of all elastic effects that are on together, Pa.
@@ -50,10 +55,30 @@ double explicit_modulus(const Scene& scene, const Material& material) {
   return sum;
 }
 
+// Gives the tets above the limit of Cs to the corotational law.
+void switch_form(const Model& model, Scene& scene) {
+  auto& laws = scene.params<NeoHookean>();
+  if (laws.empty() || scene.has<Prony>()) return;
+  std::vector<char> taken = laws.front().taken;
+  taken.resize(model.tet_count(), 0);
+  const double dt = scene.time.substep_s();
+  for (std::size_t t = 0; t < taken.size(); ++t) {
+    if (shear_number(model, t, dt) > cs_limit) taken[t] = 1;
+  }
+  if (!std::ranges::count(taken, 1)) return;
+  auto& others = scene.params<Corotational>();
+  std::erase_if(others, [](const auto& law) { return !law.only.empty(); });
+  for (auto& law : laws) {
+    law.taken = taken;
+    others.push_back({{}, taken});
+  }
+}
+
 }  // namespace
 
 Stability assess(const Model& model, const Scene& scene, Method method) {
   Stability result;
+  StabilityLimit cs = {"Cs", 0.0, cs_limit, 0};
   result.altitude_min = std::numeric_limits<double>::infinity();
   const double dt = scene.time.substep_s();
   const auto keep_largest = [](double value, std::size_t tet, double& largest, std::size_t& where) {
@@ -67,17 +92,26 @@ Stability assess(const Model& model, const Scene& scene, Method method) {
     const double sound = dt * std::sqrt((constants.lambda + 2.0 * constants.mu) / material.density);
     result.altitude_min = std::min(result.altitude_min, h);
     keep_largest(shear / h, t, result.cs_max, result.cs_tet);
+    if (is_limited(scene, t)) keep_largest(shear / h, t, cs.value, cs.tet);
     keep_largest(sound / h, t, result.kappa_max, result.kappa_tet);
     const double stiffest = std::sqrt(explicit_modulus(scene, material) / material.density);
     keep_largest(dt * stiffest * std::sqrt(spread), t, result.courant_max, result.courant_tet);
   }
-  result.limit = limit_of(result, scene, method);
+  result.limit = cs;
+  if (method == Method::fem) result.limit = {"none", 0.0, 1.0, 0};
+  if (method == Method::tled) {
+    result.limit = {"Courant", result.courant_max, courant_limit, result.courant_tet};
+  }
+  if (scene.has<NeoHookean>()) {
+    result.switched = std::ranges::count(scene.params<NeoHookean>().front().taken, 1);
+  }
   const double needed = scene.time.substeps * result.limit.value / result.limit.at_most;
   result.substeps_needed = std::max(1.0, std::ceil(needed * (1.0 - 1e-12)));
   return result;
 }
 
 Stability apply_policy(const Model& model, Scene& scene, Method method) {
+  if (scene.stability == StabilityPolicy::form && method == Method::xpbd) switch_form(model, scene);
   const Stability first = assess(model, scene, method);
   const StabilityLimit& limit = first.limit;
   if (limit.value <= limit.at_most) return first;

@@ -16,6 +16,11 @@
 // The laws of six rows, springs, volume and fibres are implicit under XPBD and PBD: a cube with
 // random velocities stayed bounded at every Cs tried, to 4. A Prony branch beside them did so to 2;
 // it is held to the limit of Cs all the same, which it does not lower, however strong.
+//
+// The policy `form` gives the tets whose Cs is above the limit to the corotational law, which stays
+// bounded there, if too soft, and leaves Neo-Hookean elasticity to the others. What blew up without
+// it were stiff parts (a core a thousand times as stiff) and layers of slivers; a single sliver
+// among healthy tets stayed bounded at every Cs tried, to 1000.
 #pragma once
 
 #include "sim/model.hpp"
@@ -43,13 +48,16 @@ struct Stability {
   std::size_t courant_tet = 0;
   StabilityLimit limit = {};     // of the method that was asked for
   double substeps_needed = 1.0;  // per frame, to keep it; a whole number
+  std::size_t switched = 0;      // tets that the corotational law has from Neo-Hookean elasticity
 };
 
 Stability assess(const Model& model, const Scene& scene, Method method = Method::xpbd);
 
 // Follows scene.stability: raises the substeps, or throws Refusal with the number that is needed,
-// or leaves the grid as it is. Implicit finite elements have no limit. Returns the assessment of
-// the grid that will be used.
+// or leaves the grid as it is, or (XPBD) switches the form of single tets; where another form does
+// not help, as of Prony branches and under TLED, `form` raises the substeps. Implicit finite
+// elements have no limit. Returns the assessment of the grid that will be used. Once more on the
+// same scene, with other materials, it adds to what it did.
 Stability apply_policy(const Model& model, Scene& scene, Method method = Method::xpbd);
 
 }  // namespace viscera::sim

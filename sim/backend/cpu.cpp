@@ -19,6 +19,7 @@ namespace {
 template <class Effect, class T, EffectKind kind = Effect::kind>
 struct OnCpu {
   OnCpu(const Prepared<Effect, T>&, const ElementLayout&) {}
+  void retune(const Prepared<Effect, T>&) {}
 };
 template <class Effect, class T>
 struct OnCpu<Effect, T, EffectKind::element> : CpuElements<Effect, T> {
@@ -37,6 +38,7 @@ struct OnCpu<Effect, T, EffectKind::contact> {
   std::vector<Vec3<T>> correction;  // [n] m, in this substep; 0: not in contact
 
   OnCpu(const Prepared<Effect, T>&, const ElementLayout& layout) : correction(layout.vertices) {}
+  void retune(const Prepared<Effect, T>&) {}
 };
 
 int thread_count(int asked, const Model& model) {
@@ -103,6 +105,14 @@ class CpuSolver final : public Solver {
     std::span<const double> memory = state.memory;
     for_each_slot<EffectKind::element>(
         own_, [&memory]<class Effect>(auto& own) { own.load_memory(memory); });
+  }
+  void retune(const Model& model, const Scene& scene) override {
+    check_scene(scene);
+    program_.retune({model, scene});
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      const auto& effects = std::get<i>(program_.effects);
+      for (std::size_t k = 0; k < effects.size(); ++k) std::get<i>(own_)[k].retune(effects[k]);
+    });
   }
   std::size_t contact_count() const override {
     std::size_t count = 0;

@@ -61,6 +61,12 @@ struct CpuElements {
     if (scheme == Scheme::jacobi) lay_out_slots(layout);
   }
 
+  void retune(const Prepared<Effect, T>& elements) {
+    for (std::size_t at = 0; at < packed.element_of.size(); ++at) {
+      packed.put_rest(at, elements.rest[packed.element_of[at]]);
+    }
+  }
+
   bool in_blocks() const { return !block_colors_.empty(); }
   bool gathers() const { return !impulses.empty(); }
 

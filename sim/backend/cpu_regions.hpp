@@ -29,6 +29,8 @@ class CpuRegions {
     if (layout.iterates) pulled_.resize(data_.members.size());
   }
 
+  void retune(const Prepared<Effect, T>& prepared) { squared_phase_ = prepared.squared_phase; }
+
   // One iteration, by all of the team; the vertices in `mine` are this thread's.
   void solve(Arithmetic arithmetic, double pbd_stiffness, Team& team, int rank, Range mine,
              const std::vector<Row<T>>& u, std::vector<Row<T>>& d) {

@@ -24,6 +24,11 @@ class CpuSelfContact {
         found_at_(rest_.size()),
         candidates_(pairs_.triangles().size()) {}
 
+  template <class Effect>
+  void retune(const Prepared<Effect, T>& prepared) {
+    friction_ = prepared.params.friction;
+  }
+
   // By all of the team, before the elements: leads d out.
   void push(Team& team, int rank, const std::vector<Row<T>>& u, std::vector<Row<T>>& d) {
     separate(team, rank, thickness_, contacts_, u, d);

@@ -60,6 +60,13 @@ struct PackedElements {
     }
   }
 
+  // Where element_of[at] is.
+  void put_rest(std::size_t at, const Rest& rest) {
+    std::array<T, numbers> values;
+    std::memcpy(values.data(), &rest, sizeof(Rest));
+    for (std::size_t k = 0; k < numbers; ++k) groups[at / width].rest[k][at % width] = values[k];
+  }
+
  private:
   void add_group(std::span<const int> lanes, std::span<const int> elements,
                  const std::vector<Vertices>& vertices, std::span<const Rest> rest) {
@@ -67,13 +74,11 @@ struct PackedElements {
     for (int lane = 0; lane < width; ++lane) {
       const bool filler = lane >= static_cast<int>(lanes.size());
       const int at = filler ? lanes.back() : lanes[lane];
-      std::array<T, numbers> values;
-      std::memcpy(values.data(), &rest[elements[at]], sizeof(Rest));
-      for (std::size_t k = 0; k < numbers; ++k) group.rest[k][lane] = values[k];
       for (int i = 0; i < Effect::arity; ++i) {
         group.vertices[i][lane] = vertices[at][i];
       }
       element_of.push_back(elements[at]);
+      put_rest(element_of.size() - 1, rest[elements[at]]);
     }
   }
 };
@@ -156,9 +161,14 @@ using SweepTable = std::array<std::array<Sweep<T>, Effects::size>, arithmetic_co
 enum Isa { baseline, avx2 };
 
 // Flattened: with many effects in one unit the compiler would stop inlining, which costs a third of
-// the speed.
+// the speed. Under the sanitizers it would cost minutes of compiling.
+#if defined(VISCERA_SANITIZED)
+#define SIM_FLATTEN
+#else
+#define SIM_FLATTEN [[gnu::flatten]]
+#endif
 template <int isa, Arithmetic arithmetic, class Effect, class T>
-[[gnu::flatten]] void sweep_groups(const void* groups, Range range, const SweepFields<T>& fields) {
+SIM_FLATTEN void sweep_groups(const void* groups, Range range, const SweepFields<T>& fields) {
   const auto* group = static_cast<const typename PackedElements<Effect, T>::Group*>(groups);
   for (int g = range.begin; g < range.end; ++g) {
     sweep_group<isa, arithmetic, Effect, T>(group[g], g, fields);

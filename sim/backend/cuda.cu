@@ -116,16 +116,19 @@ struct OnDevice {  // force effects travel as kernel arguments
   typename Effect::template Device<T> device;
 
   OnDevice(const Prepared<Effect, T>& host, int) : device(host.device) {}
+  void retune(const Prepared<Effect, T>& host) { device = host.device; }
 };
 
 template <class Effect, class T>
 struct OnDevice<Effect, T, EffectKind::region> {  // refused before
   OnDevice(const Prepared<Effect, T>&, int) {}
+  void retune(const Prepared<Effect, T>&) {}
 };
 
 template <class Effect, class T>
 struct OnDevice<Effect, T, EffectKind::self_contact> {  // refused before
   OnDevice(const Prepared<Effect, T>&, int) {}
+  void retune(const Prepared<Effect, T>&) {}
 };
 
 template <class Effect, class T>
@@ -135,6 +138,7 @@ struct OnDevice<Effect, T, EffectKind::contact> {
 
   OnDevice(const Prepared<Effect, T>& host, int vertex_count)
       : device(host.device), correction(vertex_count) {}
+  void retune(const Prepared<Effect, T>& host) { device = host.device; }
 };
 
 template <class Effect, class T>
@@ -143,6 +147,7 @@ struct OnDevice<Effect, T, EffectKind::motion> {
   DeviceArray<int> vertices;
 
   OnDevice(const Prepared<Effect, T>& host, int) : device(host.device), vertices(host.vertices) {}
+  void retune(const Prepared<Effect, T>& host) { device = host.device; }
 };
 
 template <class Effect, class T>
@@ -159,6 +164,7 @@ struct OnDevice<Effect, T, EffectKind::element> {
         vertices(ordered(host.vertices)),
         rest(ordered(host.rest)),
         memory(host.rest.size() * memory_of<Effect>) {}
+  void retune(const Prepared<Effect, T>& host) { rest.upload(ordered(host.rest)); }
 
   template <class Item>
   std::vector<Item> ordered(const std::vector<Item>& items) const {
@@ -226,6 +232,17 @@ class XpbdCuda final : public Solver {
     for_each_slot<EffectKind::element>(
         effects_, [&memory]<class Effect>(auto& effect) { effect.load_memory(memory); });
   }
+  // What travels as a kernel argument is part of the graph, which is captured again.
+  void retune(const Model& model, const Scene& scene) override {
+    check_scene(scene);
+    program_.retune({model, scene});
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      const auto& effects = std::get<i>(program_.effects);
+      for (std::size_t k = 0; k < effects.size(); ++k) std::get<i>(effects_)[k].retune(effects[k]);
+    });
+    check(cudaGraphExecDestroy(std::exchange(graph_, nullptr)), "retuning");
+    capture();
+  }
   std::size_t contact_count() const override {
     std::size_t count = 0;
     for_each_active<EffectKind::contact>([&count]<class Effect>(const auto& effect) {
@@ -239,19 +256,20 @@ class XpbdCuda final : public Solver {
   template <class Effect>
   using Slot = OnDevice<Effect, T>;
 
-  XpbdCuda(const Program<T>& program, std::string name)
+  XpbdCuda(Program<T>&& program, std::string name)
       : name_(std::move(name)),
-        n_(static_cast<int>(program.rest.size())),
-        dt_(program.dt),
-        substeps_(program.substeps),
-        rest_((require_memory(program), program.rest)),
-        inverse_mass_(program.inverse_mass),
+        program_(std::move(program)),
+        n_(static_cast<int>(program_.rest.size())),
+        dt_(program_.dt),
+        substeps_(program_.substeps),
+        rest_((require_memory(program_), program_.rest)),
+        inverse_mass_(program_.inverse_mass),
         u_(n_),
         v_(n_),
         d_(n_),
         done_(1) {
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      for (const auto& host : std::get<i>(program.effects)) {
+      for (const auto& host : std::get<i>(program_.effects)) {
         std::get<i>(effects_).emplace_back(host, n_);
       }
     });
@@ -331,6 +349,7 @@ class XpbdCuda final : public Solver {
   }
 
   std::string name_;
+  Program<T> program_;  // what was uploaded; kept to be compared with
   int n_;
   double dt_;  // s
   int substeps_;

@@ -22,6 +22,27 @@ struct Corotational : Hookean<Corotational> {
   static constexpr const char* name = "corotational";
   static constexpr const char* doc = "linear elasticity in each tet's own rotated frame";
 
+  struct Params : Hookean<Corotational>::Params {
+    // Not the scene's to give: the tets that it has from `neo_hookean` (stability.hpp). [tets] 1:
+    // this one; empty: all.
+    std::vector<char> only;
+  };
+  static bool acts_on(const Params& params, std::size_t tet) {
+    return params.only.empty() || params.only[tet];
+  }
+  static TetSubset elements(const Model& model, const Params& params) {
+    return tets_where(model, params.only, true);
+  }
+  template <class T>
+  static Rest<T> rest(const Model& model, const TetSubset& tets, std::size_t e,
+                      const Params& params, double dt) {
+    return Hookean::rest<T>(model, tets, tets.index[e], params, dt);
+  }
+  static double energy(const Model& model, std::size_t tet, const Params& params,
+                       const Mat3<double>& h) {
+    return acts_on(params, tet) ? Hookean::energy(model, tet, params, h) : 0.0;
+  }
+
   template <class T>
   SIM_HD static Strain<T> strain(const Mat3<T>& h) {
     const Quaternion<T> q = nearest_rotation(plus_identity(T(1), h));

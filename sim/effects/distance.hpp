@@ -101,6 +101,23 @@ struct Distance {
   static double explicit_modulus(const Material& material, const Params&) {
     return 3.75 * lame(material).mu;
   }
+
+  // Of a tet's parts of its six springs.
+  static double energy(const Model& model, std::size_t tet, const Params& params,
+                       const Mat3<double>& h) {
+    if (!has_label(model, tet, params.label)) return 0.0;
+    const auto& corners = model.tets[tet];
+    double sum = 0.0;  // of squared strains
+    for (int i = 0; i < 4; ++i) {
+      for (int j = i + 1; j < 4; ++j) {
+        const Vec3<double> edge = model.rest[corners[j]] - model.rest[corners[i]], w = h * edge;
+        const double length = norm(edge);
+        const double strain = dot(2.0 * edge + w, w) / ((norm(edge + w) + length) * length);
+        sum += strain * strain;
+      }
+    }
+    return 1.25 * lame(model.material(tet)).mu * model.volume[tet] * sum;
+  }
 };
 
 }  // namespace viscera::sim

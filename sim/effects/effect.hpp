@@ -34,6 +34,8 @@
 //   An elastic effect also has
 //   static double explicit_modulus(material, params)   M, Pa: at rest no mode of a tet is stiffer
 //       than M V sum |grad N_i|^2, for the limit of explicit dynamics (stability.hpp)
+//   static double energy(model, tet, params, h)        J, what it stores in a tet with the gradient
+//       h of displacement, for the diagnostics
 // kind == force: an acceleration of every vertex
 //   template <class T> struct Device; static Device<T> device(model, params)
 //   template <class T> SIM_HD static Vec3<T> acceleration(device, rest_position, u, v)

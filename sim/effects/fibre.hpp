@@ -51,7 +51,7 @@ struct Fibre {
   static Rest<T> rest(const Model& model, const TetSubset& tets, std::size_t e,
                       const Params& params, double) {
     const std::size_t tet = tets.index[e];
-    const Vec3<double> a = (1.0 / norm(params.direction)) * params.direction;
+    const Vec3<double> a = unit_direction(params);
     return {.direction = cast<T>(a),
             .weights = cast<T>(model.rest_inverse[tet] * a),
             .stiffness = static_cast<T>(params.stiffness * model.volume[tet])};
@@ -76,6 +76,16 @@ struct Fibre {
   }
 
   static double explicit_modulus(const Material&, const Params& params) { return params.stiffness; }
+  static double energy(const Model& model, std::size_t tet, const Params& params,
+                       const Mat3<double>& h) {
+    if (!has_label(model, tet, params.label)) return 0.0;
+    const Vec3<double> a = unit_direction(params), change = h * a;
+    const double stretch = dot(2.0 * a + change, change) / (norm(a + change) + 1.0);
+    return stretch > 0.0 ? 0.5 * params.stiffness * model.volume[tet] * stretch * stretch : 0.0;
+  }
+  static Vec3<double> unit_direction(const Params& params) {
+    return (1.0 / norm(params.direction)) * params.direction;
+  }
 };
 
 }  // namespace viscera::sim

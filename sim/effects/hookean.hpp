@@ -140,6 +140,9 @@ struct Hookean {
     for (int r = 0; r < 6; ++r) energy += constants.mu * row[r] * row[r];
     return energy + 1.5 * constants.lambda * row[0] * row[0];
   }
+  static double energy(const Model& model, std::size_t tet, const Params&, const Mat3<double>& h) {
+    return energy_density(model.material(tet), h) * model.volume[tet];
+  }
 };
 
 }  // namespace viscera::sim

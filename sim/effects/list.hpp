@@ -12,6 +12,7 @@
 #include "sim/effects/gravity.hpp"
 #include "sim/effects/ground.hpp"
 #include "sim/effects/linear.hpp"
+#include "sim/effects/load.hpp"
 #include "sim/effects/neo_hookean.hpp"
 #include "sim/effects/pressure.hpp"
 #include "sim/effects/prony.hpp"
@@ -58,7 +59,7 @@ struct EffectList {
 };
 
 using Effects =
-    EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, NeoHookean, Linear, StVK,
+    EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean, Linear, StVK,
                Corotational, Distance, Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact,
                Ground, Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 

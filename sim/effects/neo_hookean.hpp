@@ -15,6 +15,7 @@
 #pragma once
 
 #include "sim/effects/effect.hpp"
+#include "sim/selection.hpp"
 
 namespace viscera::sim {
 
@@ -26,8 +27,15 @@ struct NeoHookean {
   static constexpr int rows = 2;
   static constexpr bool projectable = false;  // C_D is not zero at rest
 
-  struct Params {};
+  struct Params {
+    // Not the scene's to give: the tets that the stability policy has taken from this law and given
+    // to `corotational` (stability.hpp). [tets] 1: taken; empty: none.
+    std::vector<char> taken;
+  };
   static constexpr auto fields() { return std::tuple{}; }
+  static bool acts_on(const Params& params, std::size_t tet) {
+    return params.taken.empty() || !params.taken[tet];
+  }
 
   template <class T>
   struct Rest {
@@ -36,11 +44,14 @@ struct NeoHookean {
     T mu_over_lambda;           // gamma - 1
   };
 
-  static const std::vector<Tet>& elements(const Model& model, const Params&) { return model.tets; }
+  static TetSubset elements(const Model& model, const Params& params) {
+    return tets_where(model, params.taken, false);
+  }
 
   template <class T>
-  static Rest<T> rest(const Model& model, const std::vector<Tet>&, std::size_t tet, const Params&,
+  static Rest<T> rest(const Model& model, const TetSubset& tets, std::size_t e, const Params&,
                       double) {
+    const std::size_t tet = tets.index[e];
     const Lame constants = lame(model.material(tet));
     const double lambda = constants.neo_hookean_lambda();
     return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
@@ -107,6 +118,11 @@ struct NeoHookean {
   }
   static double energy_density(const Material& material, const Mat3<double>& h) {
     return energy_density(lame(material), h);
+  }
+  static double energy(const Model& model, std::size_t tet, const Params& params,
+                       const Mat3<double>& h) {
+    if (!acts_on(params, tet)) return 0.0;
+    return energy_density(model.material(tet), h) * model.volume[tet];
   }
 };
 

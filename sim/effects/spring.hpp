@@ -1,32 +1,14 @@
 // An elastic bed under a patch of the body's surface: every point of it is pulled back to where it
 // was at rest with a traction proportional to its displacement, t = -k u (Winkler, "Die Lehre von
 // der Elastizität und Festigkeit", 1867), in all directions alike. Ligaments and adhesions: k is
-// their Young's modulus over their length. A vertex has a third of the patch's triangles around it
-// as its area A at rest: C = u, k = stiffness A, three rows.
+// their Young's modulus over their length. With A a vertex's area of the patch at rest: C = u,
+// k = stiffness A, three rows.
 #pragma once
-
-#include <map>
 
 #include "sim/effects/effect.hpp"
 #include "sim/selection.hpp"
 
 namespace viscera::sim {
-
-// The vertices of a patch, in ascending order, with their shares of its area.
-struct PatchVertices : std::vector<std::array<int, 1>> {
-  std::vector<double> area;  // m2
-
-  PatchVertices(const Model& model, const std::vector<Triangle>& faces) {
-    std::map<int, double> area_of;
-    for (const Triangle& face : faces) {
-      for (const int v : face) area_of[v] += norm(area_vector(model, face)) / 3.0;
-    }
-    for (const auto& [vertex, own] : area_of) {
-      push_back({vertex});
-      area.push_back(own);
-    }
-  }
-};
 
 struct Spring {
   static constexpr const char* name = "spring";

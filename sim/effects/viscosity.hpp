@@ -19,6 +19,8 @@
 // limit.
 #pragma once
 
+#include <algorithm>
+
 #include "sim/effects/neo_hookean.hpp"
 
 namespace viscera::sim {
@@ -62,9 +64,12 @@ struct Viscosity {
                       double dt) {
     const Material material = model.material(tet);
     const double strength = 2.0 * lame(material).mu * material.damping * model.volume[tet] / dt;
+    const double number = explicit_number(model, tet, dt);
+    // What is lowered is the same for both scaled alike, and single precision ends at 3e38.
+    const double kept = 1.0 / std::max(1.0, 1e-30 * std::max(strength, number));
     return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
-            .strength = static_cast<T>(strength),
-            .number = static_cast<T>(explicit_number(model, tet, dt))};
+            .strength = static_cast<T>(kept * strength),
+            .number = static_cast<T>(kept * number)};
   }
 
   // On copies of the vertices with a share of their mass, `copies` of each at most.

@@ -58,6 +58,10 @@ struct Volume {
   static double explicit_modulus(const Material& material, const Params&) {
     return lame(material).lambda;
   }
+  static double energy(const Model& model, std::size_t tet, const Params&, const Mat3<double>& h) {
+    const double strain = NeoHookean::volume_strain(h);
+    return 0.5 * lame(model.material(tet)).lambda * model.volume[tet] * strain * strain;
+  }
 };
 
 }  // namespace viscera::sim

@@ -52,6 +52,17 @@ constexpr bool loses_stiffness = [] {
   return false;
 }();
 
+// The finite elements have no limit of stability, and so no need of another form.
+const Scene& checked(const Scene& scene) {
+  for (const auto& params : scene.params<NeoHookean>()) {
+    if (!params.taken.empty()) {
+      refuse("stability", "form, with tets that another law has", "neo_hookean on every tet",
+             "apply the policy for this solver");
+    }
+  }
+  return scene;
+}
+
 // Whether a tet of order 1 is inside out.
 bool is_inverted(const FemTet<4>& tet, const NodeField& u) {
   return 1.0 + NeoHookean::volume_strain(gradient_at<4>(tet.nodes, tet.points[0], u)) <= 0.0;
@@ -94,15 +105,14 @@ class FemSolver final : public Solver {
  public:
   FemSolver(const Model& model, const Scene& scene, const FemOptions& options)
       : options_(checked(options)),
-        program_(model, scene),
+        program_(model, checked(scene)),
         mesh_(model, options.order),
         system_(held_nodes(mesh_, program_), options.linear),
-        stiffness_(node_stiffness(model, mesh_,
-                                  is_static(options) ? 0.0 : 1.0 / (program_.dt * program_.dt))),
-        penalty_(times(penalty_factor, stiffness_)),
+        stiffness_(mesh_.node_count()),
         newton_(system_, terms_, options_, stiffness_),
         u_(mesh_.node_count()),
         v_(mesh_.node_count()) {
+    take_stiffness(model);
     auto mass = std::make_unique<MassTerm>(mesh_.mass);
     mass_ = mass.get();
     terms_.push_back(std::move(mass));
@@ -150,6 +160,12 @@ class FemSolver final : public Solver {
     for (const auto& term : terms_) term->load_memory(memory);
     step_ = state.step;
   }
+  void retune(const Model& model, const Scene& scene) override {
+    check_scene(scene);
+    program_.retune({model, scene});
+    take_stiffness(model);
+    for (const auto& term : terms_) term->retune(model);
+  }
   std::size_t contact_count() const override {
     std::size_t count = 0;
     for (const auto& term : terms_) count += term->contact_count();
@@ -160,6 +176,12 @@ class FemSolver final : public Solver {
  private:
   // Large enough for few rounds of multipliers, small enough for the condition of the system.
   static constexpr double penalty_factor = 1e3;
+
+  void take_stiffness(const Model& model) {
+    const double inertia = is_static(options_) ? 0.0 : 1.0 / (program_.dt * program_.dt);
+    stiffness_ = node_stiffness(model, mesh_, inertia);
+    penalty_ = times(penalty_factor, stiffness_);
+  }
 
   template <class Effect>
   void add_term(const Model& model, const Prepared<Effect, double>& effect) {

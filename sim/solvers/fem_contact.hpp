@@ -21,6 +21,7 @@ namespace viscera::sim {
 template <class Effect>
 class ContactTerm final : public FemTerm {
  public:
+  // Refers to the effect.
   ContactTerm(const Prepared<Effect, double>& effect, const FemMesh& mesh,
               const std::vector<double>& penalty)
       : device_(effect.device),
@@ -144,7 +145,7 @@ class ContactTerm final : public FemTerm {
   // tell each other apart in fewer iterations.
   static constexpr double softer = 100.0;
 
-  typename Effect::template Device<double> device_;
+  const typename Effect::template Device<double>& device_;
   const NodeField& rest_;
   const std::vector<double>& penalty_;
   std::vector<Multipliers> now_, before_;

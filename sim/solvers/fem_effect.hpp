@@ -41,15 +41,11 @@ class EffectTerm final : public FemTerm {
   using Rest = typename Effect::template Rest<double>;
   using Matrix = Eigen::Matrix<double, size, size>;
 
+  // Refers to the effect.
   explicit EffectTerm(const Prepared<Effect, double>& effect)
       : vertices_(effect.vertices),
         rest_(effect.rest),
-        memory_(effect.vertices.size() * memory_of<Effect>) {
-    // An implicit step is stable whatever the viscosity.
-    if constexpr (requires(Rest r) { r.number; }) {
-      for (auto& rest : rest_) rest.number = 0.0;
-    }
-  }
+        memory_(effect.vertices.size() * memory_of<Effect>) {}
 
   void connect(FemSystem& system) override {
     for (const auto& nodes : vertices_) system.connect(nodes);
@@ -62,7 +58,7 @@ class EffectTerm final : public FemTerm {
       for (std::size_t e = 0; e < vertices_.size(); ++e) {
         Vec3<double> u[arity];
         for (int i = 0; i < arity; ++i) u[i] = fields.u[vertices_[e][i]];
-        Effect::remember(rest_[e], u, &memory_[e * memory_of<Effect>]);
+        Effect::remember(rest(e), u, &memory_[e * memory_of<Effect>]);
       }
     }
   }
@@ -73,7 +69,7 @@ class EffectTerm final : public FemTerm {
       for (int i = 0; i < arity; ++i) {
         u[i] = fields.u[vertices_[e][i]], d[i] = fields.d[vertices_[e][i]];
       }
-      forces.add_energy(element_force<Effect>(rest_[e], memory_of_element(e), u, d, force));
+      forces.add_energy(element_force<Effect>(rest(e), memory_of_element(e), u, d, force));
       for (int i = 0; i < arity; ++i) {
         if constexpr (Effect::rows > 0) {
           forces.add(vertices_[e][i], force[i]);
@@ -105,6 +101,12 @@ class EffectTerm final : public FemTerm {
   }
 
  private:
+  Rest rest(std::size_t e) const {
+    Rest own = rest_[e];
+    // An implicit step is stable whatever the viscosity.
+    if constexpr (requires { own.number; }) own.number = 0.0;
+    return own;
+  }
   const double* memory_of_element(std::size_t e) const {
     return memory_.data() + e * memory_of<Effect>;
   }
@@ -124,7 +126,7 @@ class EffectTerm final : public FemTerm {
     }
     D memory[memory_of<Effect> + 1];
     for (int k = 0; k < memory_of<Effect>; ++k) memory[k] = D(memory_of_element(e)[k]);
-    element_force<Effect>(as_constants<D>(rest_[e]), memory, u, d, force);
+    element_force<Effect>(as_constants<D>(rest(e)), memory, u, d, force);
     Matrix k;
     for (int i = 0; i < arity; ++i) {
       const D* const parts[3] = {&force[i].x, &force[i].y, &force[i].z};
@@ -149,8 +151,8 @@ class EffectTerm final : public FemTerm {
     return out;
   }
 
-  std::vector<std::array<int, arity>> vertices_;
-  std::vector<Rest> rest_;
+  const std::vector<std::array<int, arity>>& vertices_;
+  const std::vector<Rest>& rest_;
   std::vector<double> memory_;
   std::vector<FemSystem::Places<arity>> places_;
 };

@@ -66,8 +66,12 @@ Eigen::Matrix<double, 3 * n, 3 * n> definite_neo_hookean_tangent(
 template <int n>
 class NeoHookeanTerm final : public FemTerm {
  public:
-  NeoHookeanTerm(const Model& model, const FemMesh& mesh) : tets_(mesh.tets<n>()) {
-    for (std::size_t t = 0; t < model.tet_count(); ++t) lame_.push_back(lame(model.material(t)));
+  NeoHookeanTerm(const Model& model, const FemMesh& mesh)
+      : tets_(mesh.tets<n>()), lame_(tets_.size()) {
+    retune(model);
+  }
+  void retune(const Model& model) override {
+    for (std::size_t t = 0; t < lame_.size(); ++t) lame_[t] = lame(model.material(t));
   }
 
   void connect(FemSystem& system) override {

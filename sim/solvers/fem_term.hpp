@@ -67,6 +67,8 @@ class FemTerm {
   // May change the velocity that a step ends with; `before` is that at its start.
   virtual void end_step(const FemFields&, const NodeField& /*before*/, NodeField& /*velocity*/) {}
   virtual std::size_t contact_count() const { return 0; }
+  // Takes over the model's materials; what a term refers to has changed already.
+  virtual void retune(const Model&) {}
   // What an effect keeps from step to step.
   virtual void save_memory(std::vector<double>&) const {}
   virtual void load_memory(std::span<const double>&) {}

@@ -16,6 +16,9 @@
 // at any substep (Macklin et al., "Small Steps in Physics Simulation", SCA 2019).
 #pragma once
 
+#include <algorithm>
+#include <string>
+
 #include "sim/model.hpp"
 #include "sim/regions.hpp"
 #include "sim/scene.hpp"
@@ -25,12 +28,14 @@
 namespace viscera::sim {
 
 // What one effect needs on a device, made once for every time that the scene names it.
+// has_elements_of() tells whether another acts on the same vertices: all else may change in a run.
 template <class Effect, class T, EffectKind kind = Effect::kind>
 struct Prepared {  // force and contact effects
   typename Effect::template Device<T> device;
 
   Prepared(const Model& model, const typename Effect::Params& params, double)
       : device(Effect::template device<T>(model, params)) {}
+  bool has_elements_of(const Prepared&) const { return true; }
 };
 
 template <class Effect, class T>
@@ -41,6 +46,7 @@ struct Prepared<Effect, T, EffectKind::motion> {
   Prepared(const Model& model, const typename Effect::Params& params, double)
       : device(Effect::template device<T>(model, params)),
         vertices(Effect::vertices(model, params)) {}
+  bool has_elements_of(const Prepared& other) const { return vertices == other.vertices; }
 };
 
 template <class Effect, class T>
@@ -57,6 +63,7 @@ struct Prepared<Effect, T, EffectKind::element> {
       rest.push_back(Effect::template rest<T>(model, elements, e, params, dt));
     }
   }
+  bool has_elements_of(const Prepared& other) const { return vertices == other.vertices; }
 };
 
 template <class Effect, class T>
@@ -71,6 +78,9 @@ struct Prepared<Effect, T, EffectKind::region> {
       squared_phase.push_back(dt * dt * Effect::squared_frequency(region.shear, a.x + b.y + c.z));
     }
   }
+  bool has_elements_of(const Prepared& other) const {
+    return regions.has_members_of(other.regions);
+  }
 };
 
 template <class Effect, class T>
@@ -81,6 +91,9 @@ struct Prepared<Effect, T, EffectKind::self_contact> {
 
   Prepared(const Model& model, const typename Effect::Params& given, double)
       : pairs(model, given.thickness), rest(model.rest), params(given) {}
+  bool has_elements_of(const Prepared& other) const {
+    return params.thickness == other.params.thickness;  // it decides which pairs never touch
+  }
 };
 
 // function.template operator()<Effect>(slot) for every filled slot of one kind of effect, in the
@@ -121,9 +134,36 @@ struct Program {
     });
   }
 
+  // Takes over the materials and parameters of another program, prepared for the same body; what
+  // this one keeps of an effect stays at its address. Throws Refusal, and changes nothing, unless
+  // body, masses, time grid, effects and their elements are the same.
+  void retune(Program&& tuned) {
+    require_same(rest == tuned.rest, "mesh");
+    require_same(inverse_mass == tuned.inverse_mass, "density, or the vertices that are held");
+    require_same(dt == tuned.dt && substeps == tuned.substeps, "time");
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      const auto &own = std::get<i>(effects), &other = std::get<i>(tuned.effects);
+      bool same = own.size() == other.size();
+      for (std::size_t k = 0; same && k < own.size(); ++k) same = own[k].has_elements_of(other[k]);
+      require_same(same, std::string("effects.") + Effect::name);
+    });
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      auto &own = std::get<i>(effects), &other = std::get<i>(tuned.effects);
+      std::move(other.begin(), other.end(), own.begin());
+    });
+  }
+
   // The substep that follows `done` substeps.
   Step<T> step(std::uint64_t done) const {
     return {static_cast<T>(dt), static_cast<double>(done + 1) * dt};
+  }
+
+ private:
+  static void require_same(bool same, const std::string& field) {
+    if (same) return;
+    throw Refusal(Refusal::Cause::scene, field, "not as the run began",
+                  "other E, nu, damping and parameters, of the same effects on the same elements",
+                  "begin another run, from a checkpoint where the state is to be kept");
   }
 };
 

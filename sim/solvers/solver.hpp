@@ -10,6 +10,9 @@
 
 namespace viscera::sim {
 
+struct Model;
+struct Scene;
+
 // A step that has no solution, or none that was found; what() says with what it ended. The solver
 // is left in the last good state.
 struct Diverged : std::runtime_error {
@@ -24,6 +27,12 @@ class Solver {
   virtual State state() const = 0;
   // Takes a state up where it was left: the same bits follow as without the interruption.
   virtual void set_state(const State& state) = 0;
+  // Takes over other materials (E, nu, damping; per label and per tet) and other parameters of the
+  // same effects; elements, their order, state and memory stay. From there on the run is, to the
+  // bit, that of a solver made with them and started from this state. Masses are those that the run
+  // began with. Throws Refusal, and changes nothing, when the mesh, a density, the time grid, the
+  // effects, their elements or the vertices that they hold are not the same.
+  virtual void retune(const Model& model, const Scene& scene) = 0;
   virtual std::size_t contact_count() const = 0;  // vertices in contact at the end of the frame
   virtual std::string device() const = 0;         // "cpu, 2 threads", "cuda, NVIDIA H200"
   // Seconds spent so far in each part of a step, by the effect's name; "step" for the rest. Empty

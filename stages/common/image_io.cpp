@@ -14,6 +14,7 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <span>
 #include <sstream>
 
 #include "pipeline/contract/atomic_file.hpp"
@@ -103,7 +104,7 @@ std::string pixel_type(const itk::ImageIOBase& io) {
 void check_header(const fs::path& path, const itk::ImageIOBase& io) {
   const auto refuse = [&path](std::string field, std::string found, std::string allowed) {
     throw bad_image(path, std::move(field), std::move(found), std::move(allowed),
-                    "export one label volume, one number per voxel");
+                    "export one volume, one number per voxel");
   };
   const unsigned dimensions = io.GetNumberOfDimensions();
   std::size_t voxels = 1;
@@ -126,10 +127,11 @@ void check_header(const fs::path& path, const itk::ImageIOBase& io) {
     refuse("components", fmt::format("{}", io.GetNumberOfComponents()), "one number per voxel");
 }
 
-// Label ids from stored numbers, whatever their type.
-std::vector<std::uint16_t> to_ids(const fs::path& path, const float* values, std::size_t count) {
-  std::vector<std::uint16_t> ids(count);
-  for (std::size_t v = 0; v < count; ++v) {
+// Label ids from stored numbers, whatever their type: every id is exact as a float, and whatever a
+// float would round is refused as no id.
+std::vector<std::uint16_t> to_ids(const fs::path& path, std::span<const float> values) {
+  std::vector<std::uint16_t> ids(values.size());
+  for (std::size_t v = 0; v < values.size(); ++v) {
     const float value = values[v];
     if (!(value >= 0.0f && value <= static_cast<float>(max_id)) || value != std::floor(value)) {
       throw bad_image(path, "voxel values", fmt::format("{} at voxel {}", value, v),
@@ -157,18 +159,28 @@ std::map<int, std::string> names_in(const itk::MetaDataDictionary& dictionary) {
   return names;
 }
 
-// Every id is exact as a float, and whatever a float would round is refused as no id.
-LabelImage read_with(const fs::path& path, itk::ImageIOBase& io) {
+// A volume as it was stored.
+struct Volume {
+  using Image = itk::Image<float, 3>;
+  Frame frame;
+  Image::Pointer image;
+  std::map<int, std::string> names;
+  ImageNotes notes;
+
+  std::span<const float> values() const { return {image->GetBufferPointer(), frame.voxels()}; }
+};
+
+Volume read_with(const fs::path& path, itk::ImageIOBase& io) {
   io.SetFileName(path.string());
   io.ReadImageInformation();
   check_header(path, io);
-  using Image = itk::Image<float, 3>;
-  LabelImage result;
-  auto reader = itk::ImageFileReader<Image>::New();
+  Volume result;
+  auto reader = itk::ImageFileReader<Volume::Image>::New();
   reader->SetFileName(path.string());
   reader->SetImageIO(&io);
   reader->Update();
-  const Image& image = *reader->GetOutput();
+  result.image = reader->GetOutput();
+  const Volume::Image& image = *result.image;
   const auto size = image.GetLargestPossibleRegion().GetSize();
   for (unsigned a = 0; a < 3; ++a) {
     result.frame.size[a] = static_cast<int>(size[a]);
@@ -176,7 +188,6 @@ LabelImage read_with(const fs::path& path, itk::ImageIOBase& io) {
     result.frame.origin[a] = image.GetOrigin()[a];
     for (unsigned c = 0; c < 3; ++c) result.frame.direction[3 * a + c] = image.GetDirection()(a, c);
   }
-  result.voxels = to_ids(path, image.GetBufferPointer(), result.frame.voxels());
   result.names = names_in(io.GetMetaDataDictionary());
   return result;
 }
@@ -191,7 +202,7 @@ double mm_per_unit(int units) {
 
 // ITK refuses NIfTI files whose sform is not orthonormal to its taste. The voxels are then read
 // from a copy without an orientation, and the axes taken from the sform as they are.
-LabelImage read_skewed_nifti(const fs::path& path, itk::ImageIOBase& io) {
+Volume read_skewed_nifti(const fs::path& path, itk::ImageIOBase& io) {
   const NiftiImage nifti(nifti_image_read(path.c_str(), 1), nifti_image_free);
   if (!nifti) throw unreadable(path, "NIfTI header or data incomplete");
   const mat44 affine = nifti->sform_code > 0 ? nifti->sto_xyz : nifti->qto_xyz;
@@ -203,18 +214,18 @@ LabelImage read_skewed_nifti(const fs::path& path, itk::ImageIOBase& io) {
     throw unreadable(path, "no temporary copy could be made");
   nifti->nifti_type = NIFTI_FTYPE_NIFTI1_1;
   nifti_image_write(nifti.get());
-  LabelImage image = read_with(copy, io);
+  Volume volume = read_with(copy, io);
   for (int c = 0; c < 3; ++c) {
     double length = 0.0;
     for (int r = 0; r < 3; ++r) length = std::hypot(length, affine.m[r][c]);
-    image.frame.spacing[c] = length * scale;
+    volume.frame.spacing[c] = length * scale;
     for (int r = 0; r < 3; ++r) {
       const double lps = r < 2 ? -1.0 : 1.0;
-      image.frame.direction[3 * r + c] = lps * affine.m[r][c] / length;
-      image.frame.origin[r] = lps * affine.m[r][3] * scale;
+      volume.frame.direction[3 * r + c] = lps * affine.m[r][c] / length;
+      volume.frame.origin[r] = lps * affine.m[r][3] * scale;
     }
   }
-  return image;
+  return volume;
 }
 
 // Replaces the axes by the nearest orthonormal ones; the centre of the volume stays where it is.
@@ -283,9 +294,7 @@ void write_as(const fs::path& path, const LabelImage& labels) {
   writer->Update();
 }
 
-}  // namespace
-
-ReadImage read_image(const fs::path& path) {
+Volume read_volume(const fs::path& path) {
   const itk::ImageIOBase::Pointer io =
       fs::is_regular_file(path)
           ? itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::CommonEnums::IOFileMode::ReadMode)
@@ -294,23 +303,36 @@ ReadImage read_image(const fs::path& path) {
     throw bad_image(path, "", fs::exists(path) ? "not an image that is known here" : "no such file",
                     formats, "check the path, or convert the volume to one of these formats");
   }
-  ReadImage result;
+  Volume result;
   if (path.extension() == ".gz") check_gzip(path);
   const Muted printed;
   try {
     try {
-      result.image = read_with(path, *io);
+      result = read_with(path, *io);
     } catch (const itk::ExceptionObject& e) {
       if (!is_orientation_refusal(e)) throw;
-      result.image = read_skewed_nifti(path, *io);
+      result = read_skewed_nifti(path, *io);
     }
   } catch (const itk::ExceptionObject& e) {
     throw unreadable(path, reason(e));
   }
   if (printed.says("not read completely")) throw unreadable(path, "its data end too early");
   result.notes.pixel_type = pixel_type(*io);
-  orthonormalise(path, result.image.frame, result.notes);
+  orthonormalise(path, result.frame, result.notes);
   return result;
+}
+
+}  // namespace
+
+ReadImage read_image(const fs::path& path) {
+  Volume volume = read_volume(path);
+  return {{volume.frame, to_ids(path, volume.values()), std::move(volume.names)}, volume.notes};
+}
+
+ScalarImage read_scalar_image(const fs::path& path) {
+  const Volume volume = read_volume(path);
+  const auto values = volume.values();
+  return {volume.frame, {values.begin(), values.end()}};
 }
 
 void write_nrrd(const fs::path& path, const LabelImage& image) {

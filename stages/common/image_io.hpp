@@ -1,4 +1,5 @@
-// Label volumes on disk: NIfTI, NRRD and MetaImage in, NRRD out, through ITK.
+// Volumes on disk, of labels or of measured numbers: NIfTI, NRRD and MetaImage in, labels out as
+// NRRD, through ITK.
 //
 // Everything is LPS millimetres (ITK turns NIfTI's RAS round). At most 2^29 voxels; ids 0 to 65535.
 #pragma once
@@ -27,6 +28,15 @@ struct ReadImage {
 // Axes that are not quite orthonormal are replaced by the nearest orthonormal ones (polar
 // decomposition) about the centre of the volume; `notes` says by how much that moved the corners.
 ReadImage read_image(const std::filesystem::path& path);
+
+// A volume of numbers, laid out as label_image.hpp says.
+struct ScalarImage {
+  Frame frame;
+  std::vector<float> values;
+};
+
+// As read_image, of any numbers.
+ScalarImage read_scalar_image(const std::filesystem::path& path);
 
 // gzip NRRD, uint8 when every id fits, otherwise uint16; names as key/value pairs `label_ID`.
 // Deterministic bytes.

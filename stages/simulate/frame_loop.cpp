@@ -23,14 +23,23 @@ std::string why_diverged(const sim::State& state, const sim::Diagnostics& now, d
 
 }  // namespace
 
-Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scene& scene,
+Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
+                   const Schedule& schedule,
                    const std::function<void(const Frame&, const sim::State&)>& keep) {
   Outcome outcome;
   const double size = model.size(), frame_s = scene.time.frame_s;
   const int last_frame = static_cast<int>(std::ceil(scene.time.end_s / frame_s - 1e-9));
   double most_elastic = -1.0, still_since = -1.0;
   const int first_frame = static_cast<int>(solver.state().step / scene.time.substeps);
+  std::size_t setting = 0;
   for (int index = first_frame; index <= last_frame; ++index) {
+    if (const auto next = schedule.at((index - 1) * frame_s); next != setting) {
+      setting = next;
+      schedule.set(setting, model, scene);
+      solver.retune(model, scene);
+      still_since = -1.0;
+      log::info("t {:.3f} s: the schedule's change {}", (index - 1) * frame_s, setting);
+    }
     const auto begin = Clock::now();
     try {
       if (index > first_frame) solver.advance_frame();
@@ -60,7 +69,8 @@ Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scen
     }
     outcome.frames.push_back(frame);
     outcome.last = std::move(state);
-    outcome.rested = still && frame.time_s - still_since >= scene.rest.hold_s - 1e-9;
+    outcome.rested = still && frame.time_s - still_since >= scene.rest.hold_s - 1e-9 &&
+                     setting + 1 == schedule.count();
     if (outcome.rested) outcome.rest_time_s = still_since;
     log::progress("simulating", outcome.rested ? 1.0 : frame.time_s / scene.time.end_s,
                   fmt::format("t {:.2f} s, speed {:.1f} mm/s, {:.1f} ms a frame", frame.time_s,

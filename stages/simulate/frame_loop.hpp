@@ -7,6 +7,7 @@
 
 #include "sim/diagnostics.hpp"
 #include "sim/solvers/solver.hpp"
+#include "stages/simulate/schedule.hpp"
 
 namespace viscera {
 
@@ -30,8 +31,10 @@ struct Outcome {
   sim::State most_deformed;                             // where the elastic energy was greatest
 };
 
-// `keep` is called for every good frame, the first included.
-Outcome run_frames(sim::Solver& solver, const sim::Model& model, const sim::Scene& scene,
+// `keep` is called for every good frame, the first included. Body and scene, with which the solver
+// was made, go through the schedule from its start on.
+Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
+                   const Schedule& schedule,
                    const std::function<void(const Frame&, const sim::State&)>& keep);
 
 }  // namespace viscera

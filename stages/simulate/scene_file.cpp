@@ -48,11 +48,6 @@ const std::vector<Param>& rest_params() {
   return params;
 }
 
-const std::map<std::string, sim::StabilityPolicy> stability_policies = {
-    {"refuse", sim::StabilityPolicy::refuse},
-    {"warn", sim::StabilityPolicy::warn},
-    {"substeps", sim::StabilityPolicy::substeps}};
-
 class SceneReader {
  public:
   explicit SceneReader(const fs::path& path) : path_(path) {}
@@ -60,13 +55,16 @@ class SceneReader {
   SceneFile read() {
     const YAML::Node root = load_yaml(path_);
     expect_map(root, "scene");
-    check_keys(root, "", {"scene", "materials", "effects", "time", "rest", "stability", "expect"});
+    check_keys(
+        root, "",
+        {"scene", "materials", "effects", "schedule", "time", "rest", "stability", "expect"});
     if (!root["scene"] || root["scene"].Scalar() != "1") {
       throw fail(root, "scene", "missing or another version",
                  "scene: 1, the version of the schema");
     }
     read_materials(root["materials"]);
     read_effects(root["effects"]);
+    read_schedule(root["schedule"]);
     read_grid(root);
     read_stability(root["stability"]);
     read_expect(root["expect"]);
@@ -163,9 +161,76 @@ class SceneReader {
     });
   }
 
+  // Each change starts from what holds before it.
+  void read_schedule(const YAML::Node& node) {
+    if (!node || node.IsNull()) return;
+    const char* const example = "- {at: 0.5 s, materials: {LABEL: {E: 20 kPa}}, effects: {…}}";
+    if (!node.IsSequence()) throw fail(node, "schedule", "not a list", example);
+    const Param at = quantity("at", nullptr, "s", 0.0, 1e5, "from when on");
+    SceneChange now{0.0, file_.materials, file_.scene.effects};
+    for (const auto& item : node) {
+      expect_map(item, "schedule");
+      check_keys(item, "schedule.", {"at", "materials", "effects"});
+      if (!item["at"]) throw fail(item, "schedule.at", "missing", example);
+      const double before = now.at_s;
+      now.at_s = resolve_value(at, value(item["at"]), place_of(path_, item["at"]), "schedule.at");
+      if (!(now.at_s > before)) {
+        throw fail(item["at"], "schedule.at", fmt::format("{} s", now.at_s),
+                   fmt::format("later than {} s: changes in the order of time", before));
+      }
+      change_materials(item["materials"], now.materials);
+      change_effects(item["effects"], now.effects);
+      file_.schedule.push_back(now);
+    }
+  }
+
+  void change_materials(const YAML::Node& node, std::map<std::string, sim::Material>& materials) {
+    if (!node || node.IsNull()) return;
+    expect_map(node, "schedule.materials");
+    std::vector<std::string> known;
+    for (const auto& [name, material] : materials) known.push_back(name);
+    check_keys(node, "schedule.materials.", known);
+    for (const auto& item : node) {
+      const std::string name = item.first.Scalar();
+      sim::Material& m = materials.at(name);
+      // Masses are those of the start.
+      std::vector<Param> params = material_params();
+      std::erase_if(params, [](const Param& param) { return param.name == "density"; });
+      const Json now{{"E", m.youngs_modulus}, {"nu", m.poisson_ratio}, {"damping", m.damping}};
+      for (Param& param : params) {
+        param.fallback = fallback(now[param.name].get<double>(), param.unit);
+      }
+      const Json given = resolve_map(params, item.second, "schedule.materials." + name + ".");
+      m.youngs_modulus = given["E"], m.poisson_ratio = given["nu"], m.damping = given["damping"];
+    }
+  }
+
+  void change_effects(const YAML::Node& node, sim::Effects::Choice& effects) {
+    if (!node || node.IsNull()) return;
+    expect_map(node, "schedule.effects");
+    check_keys(node, "schedule.effects.", effects_on(file_.scene));
+    sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+      const YAML::Node named = node[Effect::name];
+      if (!named) return;
+      const std::string field = std::string("schedule.effects.") + Effect::name;
+      auto& all = std::get<i>(effects);
+      const std::size_t given = named.IsSequence() ? named.size() : 1;
+      if (given != all.size()) {
+        throw fail(named, field, fmt::format("{} of them", given),
+                   fmt::format("{}, as the scene names it", all.size()),
+                   "give {} for one that stays as it is");
+      }
+      for (std::size_t k = 0; k < given; ++k) {
+        read_fields<Effect>(named.IsSequence() ? named[k] : named, all[k], "schedule.");
+      }
+    });
+  }
+
+  // What is not given stays as it is in `params`.
   template <class Effect>
-  void read_fields(const YAML::Node& node, typename Effect::Params& params) {
-    const std::string prefix = std::string("effects.") + Effect::name + ".";
+  void read_fields(const YAML::Node& node, typename Effect::Params& params,
+                   const std::string& parent = "") {
+    const std::string prefix = parent + "effects." + Effect::name + ".";
     std::vector<Param> declared;
     std::apply([&](const auto&... field) { (declared.push_back(declare(field, params)), ...); },
                Effect::fields());
@@ -256,10 +321,10 @@ class SceneReader {
   void read_stability(const YAML::Node& node) {
     if (!node) return;
     const auto found =
-        node.IsScalar() ? stability_policies.find(node.Scalar()) : stability_policies.end();
-    if (found == stability_policies.end()) {
+        node.IsScalar() ? stability_policies().find(node.Scalar()) : stability_policies().end();
+    if (found == stability_policies().end()) {
       throw fail(node, "stability", node.IsScalar() ? "'" + node.Scalar() + "'" : "not a word",
-                 "refuse | warn | substeps");
+                 "refuse | warn | substeps | form");
     }
     file_.scene.stability = found->second;
   }
@@ -294,20 +359,19 @@ class SceneReader {
   SceneFile file_;
 };
 
-template <class Params, class Value>
-Json field_json(const sim::Field<Params, Value>& field, const Params& params) {
-  return params.*field.member;
-}
-template <class Params>
-Json field_json(const sim::Field<Params, sim::Vec3<double>>& field, const Params& params) {
-  const auto& v = params.*field.member;
-  return Json::array({v.x, v.y, v.z});
-}
-
 }  // namespace
 
 SceneFile read_scene(const fs::path& path) {
   return SceneReader(path).read();
+}
+
+const std::map<std::string, sim::StabilityPolicy>& stability_policies() {
+  static const std::map<std::string, sim::StabilityPolicy> policies = {
+      {"refuse", sim::StabilityPolicy::refuse},
+      {"warn", sim::StabilityPolicy::warn},
+      {"substeps", sim::StabilityPolicy::substeps},
+      {"form", sim::StabilityPolicy::form}};
+  return policies;
 }
 
 std::vector<std::string> effect_names() {
@@ -322,41 +386,6 @@ std::vector<std::string> effects_on(const sim::Scene& scene) {
     if (!std::get<i>(scene.effects).empty()) names.emplace_back(Effect::name);
   });
   return names;
-}
-
-Json to_json(const SceneFile& file) {
-  Json json{{"scene", 1}, {"units", "SI"}};
-  for (const auto& [name, m] : file.materials) {
-    json["materials"][name] = {{"E", m.youngs_modulus},
-                               {"nu", m.poisson_ratio},
-                               {"density", m.density},
-                               {"damping", m.damping}};
-  }
-  json["effects"] = Json::object();
-  sim::Effects::for_each([&]<class Effect, std::size_t i>() {
-    Json named = Json::array();
-    for (const auto& params : std::get<i>(file.scene.effects)) {
-      Json& effect = named.emplace_back(Json::object());
-      std::apply([&](const auto&... f) { ((effect[f.name] = field_json(f, params)), ...); },
-                 Effect::fields());
-    }
-    // As a scene is written: a map, or a list of maps for what is named several times.
-    if (!named.empty()) json["effects"][Effect::name] = named.size() == 1 ? named[0] : named;
-  });
-  const auto& scene = file.scene;
-  json["time"] = {
-      {"frame", scene.time.frame_s}, {"substeps", scene.time.substeps}, {"end", scene.time.end_s}};
-  json["rest"] = {{"speed", scene.rest.speed}, {"hold", scene.rest.hold_s}};
-  for (const auto& [name, policy] : stability_policies) {
-    if (policy == scene.stability) json["stability"] = name;
-  }
-  json["expect"] = Json::object();
-  for (const auto& expected : file.expect) {
-    Json& limits = json["expect"][expected.metric] = Json::object();
-    if (expected.min) limits["min"] = *expected.min;
-    if (expected.max) limits["max"] = *expected.max;
-  }
-  return json;
 }
 
 }  // namespace viscera

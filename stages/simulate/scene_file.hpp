@@ -19,19 +19,30 @@ struct Expectation {
   std::optional<double> min, max;
 };
 
+// Materials and parameters from a time on, whole: what does not change is in it too.
+struct SceneChange {
+  double at_s;
+  std::map<std::string, sim::Material> materials;
+  sim::Effects::Choice effects;
+};
+
 struct SceneFile {
   sim::Scene scene;
   std::map<std::string, sim::Material> materials;
+  std::vector<SceneChange> schedule;  // in the order of time
   std::vector<Expectation> expect;
 };
 
 // Throws Error(bad_config) with file:line:column for unknown keys (and the nearest valid one),
-// missing or wrong units, and values out of range.
+// missing or wrong units, values out of range, and a schedule that changes what cannot change.
 SceneFile read_scene(const std::filesystem::path& path);
 
 // Names of all effects, and those that are on in a scene.
 std::vector<std::string> effect_names();
 std::vector<std::string> effects_on(const sim::Scene& scene);
+
+// As the scene's `stability` names them.
+const std::map<std::string, sim::StabilityPolicy>& stability_policies();
 
 // The scene as it will run, SI, every default spelled out.
 Json to_json(const SceneFile& file);

@@ -19,7 +19,9 @@
 #include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/frame_loop.hpp"
 #include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/schedule.hpp"
 #include "stages/simulate/solver_choice.hpp"
+#include "stages/simulate/stiffness.hpp"
 
 namespace viscera {
 namespace {
@@ -81,6 +83,7 @@ const std::vector<std::string> expectable = {"contact_time",
                                              "smoothness_rest",
                                              "smoothness_max_deformation",
                                              "stability_Cs_max",
+                                             "stability_switched_tets",
                                              "stability_kappa_max"};
 
 SceneFile scene_of(const StageRun& run) {
@@ -132,6 +135,49 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
 }
 
+// The scene's policy over all that the schedule brings; returns the assessment of its worst
+// setting.
+sim::Stability apply_policy(const Schedule& schedule, sim::Model& model, sim::Scene& scene,
+                            sim::Method method) {
+  sim::Stability worst;
+  for (std::size_t k = 0; k < schedule.count(); ++k) {
+    schedule.set(k, model, scene);
+    sim::apply_policy(model, scene, method);
+  }
+  for (std::size_t k = 0; k < schedule.count(); ++k) {
+    schedule.set(k, model, scene);
+    const sim::Stability found = assess(model, scene, method);
+    if (k == 0 || found.limit.value > worst.limit.value) worst = found;
+  }
+  schedule.set(0, model, scene);
+  return worst;
+}
+
+// What the schedule brings is refused before the first step, not in the middle of the run.
+void rehearse(const Schedule& schedule, sim::Model& model, sim::Scene& scene, sim::Solver& solver) {
+  if (schedule.count() == 1) return;
+  for (std::size_t k = 1; k <= schedule.count(); ++k) {
+    schedule.set(k % schedule.count(), model, scene);
+    solver.retune(model, scene);
+  }
+}
+
+// In place of the labels' E where the volume of stiffness was measured.
+void take_stiffness(StageRun& run, const TetMesh& mesh, sim::Model& model) {
+  if (!run.has_input("stiffness")) return;
+  StiffnessSample sample = sample_stiffness(run.input("stiffness"), mesh);
+  const std::size_t without = mesh.tets.size() - sample.measured;
+  run.metric("stiffness_tets", sample.measured);
+  run.metric("stiffness_missing_tets", without);
+  run.metric("stiffness_min", sample.min * 1e-3, "kPa");
+  run.metric("stiffness_mean", sample.mean * 1e-3, "kPa");
+  run.metric("stiffness_max", sample.max * 1e-3, "kPa");
+  log::info("measured E of {} tets, {:.3g} to {:.3g} kPa, mean {:.3g}", sample.measured,
+            sample.min * 1e-3, sample.max * 1e-3, sample.mean * 1e-3);
+  if (without > 0) log::warn("no measured E at {} tets: they have their label's", without);
+  model.youngs_modulus = std::move(sample.youngs_modulus);
+}
+
 void report_stability(StageRun& run, const sim::Stability& stability, const sim::Scene& scene,
                       int asked_substeps) {
   run.metric("substeps", scene.time.substeps);
@@ -139,6 +185,12 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
   run.metric("stability_Cs_tet", stability.cs_tet);
   run.metric("stability_kappa_max", stability.kappa_max);
   run.metric("altitude_min", m_to_mm * stability.altitude_min, "mm");
+  run.metric("stability_switched_tets", stability.switched);
+  if (stability.switched > 0) {
+    log::warn(
+        "{} tets have a Cs of up to {:.2f} (limit {:.1f}): corotational in place of neo_hookean",
+        stability.switched, stability.cs_max, sim::cs_limit);
+  }
   const sim::StabilityLimit& limit = stability.limit;
   if (scene.time.substeps != asked_substeps) {
     log::warn("substeps raised from {} to {} a frame, so that {} is {:.2f} (limit {:.1f})",
@@ -240,14 +292,18 @@ void report_divergence(StageRun& run, const sim::Model& model, const Outcome& ou
 void simulate(StageRun& run) {
   SceneFile file = scene_of(run);
   const TetMesh mesh = read_vtu(run.input("mesh"));
-  const sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
+  sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
+  take_stiffness(run, mesh, model);
+  const Schedule schedule(file);
   const int asked_substeps = file.scene.time.substeps;
-  const sim::Stability stability = apply_policy(model, file.scene, solver_options(run).method);
+  const sim::Stability stability =
+      apply_policy(schedule, model, file.scene, solver_options(run).method);
   report_stability(run, stability, file.scene, asked_substeps);
   report_viscosity(run, model, file.scene);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
 
   const auto solver = choose_solver(run, model, file.scene);
+  rehearse(schedule, model, file.scene, *solver);
   run.set_device(solver->device());
   log::info("{} tets, {} vertices on {}; effects: {}", model.tet_count(), model.vertex_count(),
             solver->device(), fmt::join(effects_on(file.scene), ", "));
@@ -259,11 +315,11 @@ void simulate(StageRun& run) {
   }
   TrajectoryWriter trajectory(run.out(""), mesh);
   MetricsFile metrics(run.out("metrics.csv"));
-  const Outcome outcome =
-      run_frames(*solver, model, file.scene, [&](const Frame& frame, const sim::State& state) {
-        trajectory.append(frame.time_s, positions_mm(model, state));
-        metrics.add(frame);
-      });
+  const Outcome outcome = run_frames(*solver, model, file.scene, schedule,
+                                     [&](const Frame& frame, const sim::State& state) {
+                                       trajectory.append(frame.time_s, positions_mm(model, state));
+                                       metrics.add(frame);
+                                     });
   trajectory.finish();
   write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s());
   metrics.close(run.out("metrics.csv"));
@@ -295,11 +351,15 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "2",
+           .version = "3",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},
                       {.role = "scene", .doc = "scene.yaml: materials, effects, time"},
+                      {.role = "stiffness",
+                       .required = false,
+                       .doc = "volume of measured Young's modulus, kPa (elastography): in place of "
+                              "the labels' E; 0 or NaN: not measured"},
                       {.role = "checkpoint",
                        .required = false,
                        .doc = "checkpoint.h5 of a run of this mesh and scene, to go on from"}},
@@ -317,7 +377,14 @@ const Stage& simulate_stage() {
       .run = [](StageRun& run) { translated(run, [&run] { simulate(run); }); },
       .check =
           [](const StageRun& run) {
-            translated(run, [&run] { sim::check_scene(scene_of(run).scene); });
+            translated(run, [&run] {
+              SceneFile file = scene_of(run);
+              sim::check_scene(file.scene);
+              for (const auto& change : file.schedule) {
+                file.scene.effects = change.effects;
+                sim::check_scene(file.scene);
+              }
+            });
           }};
   return stage;
 }

@@ -1,5 +1,7 @@
 #include "tests/hard_cases/cases.hpp"
 
+#include <algorithm>
+
 namespace viscera::sim {
 
 std::vector<Entrant> entrants() {
@@ -15,6 +17,7 @@ std::vector<Entrant> entrants() {
     all.push_back({"xpbd gauss_seidel", with(Method::xpbd, Scheme::gauss_seidel)});
     all.push_back({"xpbd block_gauss_seidel", with(Method::xpbd, Scheme::block_gauss_seidel)});
     all.push_back({"xpbd jacobi, split 4", with(Method::xpbd, Scheme::jacobi)});
+    all.push_back({"pbd", with(Method::pbd, Scheme::gauss_seidel)});
     all.push_back({"tled", with(Method::tled, Scheme::jacobi)});
   }
   all.push_back({"fem", {.method = Method::fem, .precision = Precision::fp64, .threads = 1}});
@@ -34,15 +37,36 @@ void add_case(std::vector<Row>& rows, const char* section, const std::string& na
   rows.push_back({section, name, "any", "–", run});
 }
 
-Scene damped_scene() {
-  Scene scene = elastic_scene();
+void add_material_case(std::vector<Row>& rows, const char* section, const std::string& name,
+                       const CaseRun& run, bool may_refuse) {
+  const std::size_t before = rows.size();
+  add_case(rows, section, name, run, may_refuse);
+  const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(before);
+  rows.erase(std::remove_if(begin, rows.end(), [](const Row& row) { return row.solver == "pbd"; }),
+             rows.end());
+}
+
+Scene damped_scene(const SolverOptions& options) {
+  Scene scene;
+  if (options.method == Method::pbd) {
+    scene.params<Distance>().emplace_back();
+    scene.params<Volume>().emplace_back();
+  } else {
+    scene.params<NeoHookean>().emplace_back();
+  }
   scene.params<Viscosity>().emplace_back();
   return scene;
 }
 
-Scene weighty_scene() {
-  Scene scene = damped_scene();
+Scene weighty_scene(const SolverOptions& options) {
+  Scene scene = damped_scene(options);
   scene.params<Gravity>().emplace_back();
+  return scene;
+}
+
+Scene falling_scene(const SolverOptions& options) {
+  Scene scene = weighty_scene(options);
+  scene.params<Ground>().emplace_back();
   return scene;
 }
 

@@ -17,6 +17,9 @@ std::vector<Entrant> entrants();
 using CaseRun = std::function<Outcome(const SolverOptions&)>;
 void add_case(std::vector<Row>& rows, const char* section, const std::string& name,
               const CaseRun& run, bool may_refuse = false);
+// The same for a case whose answer the materials decide: not PBD, which knows none.
+void add_material_case(std::vector<Row>& rows, const char* section, const std::string& name,
+                       const CaseRun& run, bool may_refuse = false);
 // One row for what no solver sees.
 void add_case(std::vector<Row>& rows, const char* section, const std::string& name,
               const std::function<Outcome()>& run);
@@ -27,8 +30,10 @@ void add_scale_cases(std::vector<Row>& rows);
 void add_contact_cases(std::vector<Row>& rows);
 void add_input_cases(std::vector<Row>& rows);
 
-Scene damped_scene();   // elastic and viscous
-Scene weighty_scene();  // and gravity
+// Tissue as the solver takes it: PBD has springs along the edges and the tets' volume for it.
+Scene damped_scene(const SolverOptions& options);   // elastic and viscous
+Scene weighty_scene(const SolverOptions& options);  // and gravity
+Scene falling_scene(const SolverOptions& options);  // and the ground
 // Fixes the vertices of smallest x.
 void clamp_left(Model& model);
 

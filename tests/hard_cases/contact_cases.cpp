@@ -27,7 +27,7 @@ double lowest(const Model& model, const State& state) {
 // A plate of 1 cm thrown at the ground: a substep leads through 2.6 times its thickness.
 Outcome thrown(const SolverOptions& options) {
   const Model model = make_box({0.05, 0.05, 0.01}, {5, 5, 1}, soft_tissue);
-  Scene scene = drop_scene();
+  Scene scene = falling_scene(options);
   const double plane = -0.005 - scene.params<Ground>().front().clearance;
   Run run(model, scene, options);
   State start = at_rest(model);
@@ -51,7 +51,7 @@ constexpr int many_steps = 100000;
 
 Outcome still(const SolverOptions& options) {
   const Model model = make_cube(2);
-  Run run(model, damped_scene(), options);
+  Run run(model, damped_scene(options), options);
   const int frames = (many_steps + run.scene().time.substeps - 1) / run.scene().time.substeps;
   for (int frame = 0; frame < frames && run.finite(); ++frame) run.advance();
   return {{{"speed, m/s", run.now().max_speed, 1e-6},
@@ -62,7 +62,7 @@ Outcome still(const SolverOptions& options) {
 
 Outcome resting(const SolverOptions& options) {
   const Model model = make_cube(2);
-  Scene scene = drop_scene();
+  Scene scene = falling_scene(options);
   scene.params<Ground>().front().clearance = 0.0;
   Run run(model, scene, options);
   run.advance_to(3.0);
@@ -86,7 +86,7 @@ Outcome crushed(const SolverOptions& options) {
   Material soft = soft_tissue;
   soft.youngs_modulus = 500.0;
   const Model model = make_cube(3, soft);
-  Scene pressing = drop_scene(), free = damped_scene();
+  Scene pressing = falling_scene(options), free = damped_scene(options);
   pressing.params<Gravity>().front().acceleration *= 10.0;
   Run run(model, pressing, options);
   run.advance_to(1.0);

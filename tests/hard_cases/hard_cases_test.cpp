@@ -14,8 +14,10 @@ const std::string head = R"(# Hard cases
 Written by `test_hard_cases`; do not edit. Every case runs under every solver that claims it, with the
 scene's stability policy first, as the product does (FEM with two steps a frame where the others
 take 64). ε is the rms distance from the best rigid copy of the rest shape over L, ψ/μ the elastic
-energy per volume over μ. *Recovered*: every figure is within its bound. *Refused*: before the first
-step, with the reason given. *Failed*: a figure in bold is not, or the solver gave up and says why.
+energy per volume over μ. PBD knows no material: its tissue is springs along the edges and the tets'
+volume, at stiffness 1, and cases that the materials decide are not its own. *Recovered*: every
+figure is within its bound. *Refused*: before the first step, with the reason given. *Failed*: a
+figure in bold is not, or the solver gave up and says why.
 )";
 
 TEST(HardCases, EachIsRecoveredOrRefusedWithAReasonOrAKnownMissThatIsNoWorse) {

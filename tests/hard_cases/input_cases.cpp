@@ -104,7 +104,7 @@ Outcome repeated(const SolverOptions& options) {
   const Model model = make_cube(4);
   std::uint64_t hash[2];
   for (auto& h : hash) {
-    Run run(model, drop_scene(), options);
+    Run run(model, falling_scene(options), options);
     run.advance_to(0.5);
     h = run.state().hash();
   }
@@ -128,7 +128,8 @@ Outcome permuted(const SolverOptions& options) {
   Model other = body(points, tets);
   clamp_left(model);
   clamp_left(other);
-  Run run(model, weighty_scene(), options), permuted_run(other, weighty_scene(), options);
+  Run run(model, weighty_scene(options), options),
+      permuted_run(other, weighty_scene(options), options);
   run.settle(1e-6, 4.0);
   permuted_run.settle(1e-6, 4.0);
   State back = at_rest(model);
@@ -139,7 +140,7 @@ Outcome permuted(const SolverOptions& options) {
 Outcome all_fixed(const SolverOptions& options) {
   Model model = make_cube(2);
   std::ranges::fill(model.fixed, 1);
-  Run run(model, weighty_scene(), options);
+  Run run(model, weighty_scene(options), options);
   run.advance_to(0.2);
   return {{{"displacement, m", run.now().max_displacement, 0.0}}, "", ""};
 }
@@ -161,7 +162,7 @@ Outcome rigid(const SolverOptions& options) {
   Material steel = soft_tissue;
   steel.youngs_modulus = 1e300;
   const Model model = make_cube(2, steel);
-  Run run(model, weighty_scene(), options);
+  Run run(model, weighty_scene(options), options);
   run.advance_to(0.1);
   return {{{"not finite", run.finite() ? 0.0 : 1.0, 0.0}}, "", ""};
 }
@@ -175,10 +176,10 @@ void add_input_cases(std::vector<Row>& rows) {
   add_case(rows, "16", "permuted mesh", permuted);
   add_case(rows, "17", "all vertices fixed", all_fixed);
   add_case(rows, "17", "one tet", [](const SolverOptions& options) {
-    return free_fall(options, body(corner, {{0, 1, 2, 3}}), weighty_scene());
+    return free_fall(options, body(corner, {{0, 1, 2, 3}}), weighty_scene(options));
   });
   add_case(rows, "17", "ground out of reach", [](const SolverOptions& options) {
-    Scene scene = drop_scene();
+    Scene scene = falling_scene(options);
     scene.params<Ground>().front().clearance = 1e3;
     return free_fall(options, make_cube(2), scene);
   });

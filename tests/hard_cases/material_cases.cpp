@@ -46,7 +46,7 @@ Outcome stiffness_jump(const SolverOptions& options, double jump) {
     if (std::abs(x.x) < 0.01) model.material_of[t] = 1;
   });
   clamp_left(model);
-  return against_newton(model, weighty_scene(), options, 0.01);
+  return against_newton(model, weighty_scene(options), options, 0.01);
 }
 
 // A column that hangs from its top; its lowest third is `ratio` times as dense.
@@ -64,7 +64,7 @@ Outcome mass_ratio(const SolverOptions& options, double ratio) {
     }
   });
   clamp_left(model);
-  Scene scene = weighty_scene();
+  Scene scene = weighty_scene(options);
   scene.params<Gravity>().front().direction = {1.0, 0.0, 0.0};
   return against_newton(model, scene, options, 0.01);
 }
@@ -81,7 +81,7 @@ Outcome nearly_incompressible(const SolverOptions& options, double nu) {
     return model;
   };
   const Model model = bar(nu), plain = bar(0.45);
-  const Scene scene = weighty_scene();
+  const Scene scene = weighty_scene(options);
   const State exact = equilibrium(model, scene);
   const double left = rms(model, exact) / rms(plain, equilibrium(plain, scene));
   const double volume = diagnose(model, scene, exact).volume_ratio;
@@ -100,7 +100,7 @@ Outcome one_substep(const SolverOptions& options, StabilityPolicy policy) {
   Material material = soft_tissue;
   material.youngs_modulus = 2e4;
   const Model model = make_cube(4, material);
-  Scene scene = drop_scene();
+  Scene scene = falling_scene(options);
   scene.time = {.frame_s = 1.0 / 30.0, .substeps = 1, .end_s = 3.0};
   scene.stability = policy;
   Run run(model, scene, options);
@@ -121,14 +121,14 @@ void add_material_cases(std::vector<Row>& rows) {
   const auto with = [](auto run, auto value) {
     return [run, value](const SolverOptions& options) { return run(options, value); };
   };
-  add_case(rows, "5", "stiffness jump 1e2", with(stiffness_jump, 1e2), true);
-  add_case(rows, "5", "stiffness jump 1e4", with(stiffness_jump, 1e4), true);
-  add_case(rows, "5", "stiffness jump 1e6", with(stiffness_jump, 1e6), true);
-  add_case(rows, "6", "mass ratio 1e4", with(mass_ratio, 1e4));
-  add_case(rows, "7", "ν 0.49", with(nearly_incompressible, 0.49));
-  add_case(rows, "7", "ν 0.499", with(nearly_incompressible, 0.499));
-  add_case(rows, "7", "ν 0.4999", with(nearly_incompressible, 0.4999));
-  add_case(rows, "7", "ν 0.49999", with(nearly_incompressible, 0.49999));
+  add_material_case(rows, "5", "stiffness jump 1e2", with(stiffness_jump, 1e2), true);
+  add_material_case(rows, "5", "stiffness jump 1e4", with(stiffness_jump, 1e4), true);
+  add_material_case(rows, "5", "stiffness jump 1e6", with(stiffness_jump, 1e6), true);
+  add_material_case(rows, "6", "mass ratio 1e4", with(mass_ratio, 1e4));
+  add_material_case(rows, "7", "ν 0.49", with(nearly_incompressible, 0.49));
+  add_material_case(rows, "7", "ν 0.499", with(nearly_incompressible, 0.499));
+  add_material_case(rows, "7", "ν 0.4999", with(nearly_incompressible, 0.4999));
+  add_material_case(rows, "7", "ν 0.49999", with(nearly_incompressible, 0.49999));
   add_case(rows, "8", "1/30 s with one substep, policy refuse",
            with(one_substep, StabilityPolicy::refuse), true);
   add_case(rows, "8", "1/30 s with one substep, policy substeps",

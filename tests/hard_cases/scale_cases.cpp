@@ -14,7 +14,7 @@ State swing(const SolverOptions& options, double scale, Vec3<double> corner = {}
   material.damping *= std::sqrt(scale);
   Model model = make_box({0.6 * scale, 0.2 * scale, 0.2 * scale}, {6, 2, 2}, material, corner);
   clamp_left(model);
-  Scene scene = weighty_scene();
+  Scene scene = weighty_scene(options);
   scene.time.frame_s = std::sqrt(scale) / 60.0;
   Run run(model, scene, options);
   for (int frame = 0; frame < 20 && run.finite(); ++frame) run.advance();

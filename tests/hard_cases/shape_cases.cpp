@@ -33,7 +33,7 @@ double wait_for_shape(Run& run, double patience_s = 4.0) {
 // Lets a body go and waits until it has its shape back.
 Outcome release(const SolverOptions& options, const std::function<Vec3<double>(Vec3<double>)>& to) {
   const Model model = make_cube(3);
-  Run run(model, damped_scene(), options);
+  Run run(model, damped_scene(options), options);
   const State start = placed(model, to);
   check_start(model, start);
   run.start_from(start);
@@ -61,7 +61,7 @@ Outcome scramble(const SolverOptions& options, double poisson_ratio) {
   const Model model = make_cube(3, material);
   double lost = 0.0, blown_up = 0.0, slowest = 0.0, worst = 0.0;
   for (unsigned seed = 1; seed <= 20; ++seed) {
-    Run run(model, damped_scene(), options);
+    Run run(model, damped_scene(options), options);
     run.start_from(scrambled(model, seed));
     slowest = std::max(slowest, wait_for_shape(run, 2.0));
     lost += !has_its_shape(run);
@@ -77,7 +77,7 @@ Outcome scramble(const SolverOptions& options, double poisson_ratio) {
 Outcome wrung(const SolverOptions& options) {
   Model model = make_box({0.06, 0.03, 0.03}, {8, 4, 4}, soft_tissue);
   clamp_left(model);
-  Run run(model, damped_scene(), options);
+  Run run(model, damped_scene(options), options);
   const double length = 0.06;
   run.start_from(placed(model, [&](const Vec3<double>& x) {
     const double s = x.x + 0.5 * length, angle = 4.0 * M_PI * s / length;

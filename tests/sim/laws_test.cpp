@@ -61,7 +61,7 @@ void check_rows_against_energy() {
   const Model model = make_cube(1);
   std::mt19937 generator(2);
   for (int trial = 0; trial < 20; ++trial) {
-    const auto rest = Law::template rest<double>(model, model.tets, 0, {}, 1e-3);
+    const auto rest = Law::template rest<double>(model, Law::elements(model, {}), 0, {}, 1e-3);
     Vec3<double> u[4], d[4] = {};
     for (auto& a : u) a = random_vector(generator, 0.01);
     Evaluation<double, 6, 4> out;
@@ -134,8 +134,8 @@ TEST(Rotation, OfCollapsedAndMirroredMatricesIsStillARotation) {
 TEST(Laws, SmallStrainsDoNotCancelInSinglePrecision) {
   const Model model = make_cube(1);
   const auto check = [&model]<class Law>() {
-    const auto rest32 = Law::template rest<float>(model, model.tets, 0, {}, 1e-3);
-    const auto rest64 = Law::template rest<double>(model, model.tets, 0, {}, 1e-3);
+    const auto rest32 = Law::template rest<float>(model, Law::elements(model, {}), 0, {}, 1e-3);
+    const auto rest64 = Law::template rest<double>(model, Law::elements(model, {}), 0, {}, 1e-3);
     std::mt19937 generator(8);
     Vec3<float> u32[4], d32[4] = {};
     Vec3<double> u64[4], d64[4] = {};

@@ -188,5 +188,118 @@ TEST(Stability, ThePolicyRefusesWarnsOrRaisesTheSubsteps) {
   EXPECT_EQ(scene.time.substeps, 4);
 }
 
+// A cube with a layer of cells pressed to slivers.
+Model cube_with_slivers() {
+  const Model cube = make_cube(4);
+  auto points = cube.rest;
+  for (auto& x : points) {
+    if (std::abs(x.z) < 1e-9) x.z = -0.99 * 0.0125;
+  }
+  return make_model(points, cube.tets, std::vector<int>(cube.tet_count(), 1), {{1, soft_tissue}});
+}
+
+// A cube with a core a thousand times as stiff.
+Model cube_with_core() {
+  const Model cube = make_cube(4);
+  Material stiff = soft_tissue;
+  stiff.youngs_modulus *= 1e3;
+  std::vector<int> labels;
+  for (const Tet& tet : cube.tets) {
+    Vec3<double> x;
+    for (const int v : tet) x += 0.25 * cube.rest[v];
+    labels.push_back(std::max({std::abs(x.x), std::abs(x.y), std::abs(x.z)}) < 0.013 ? 2 : 1);
+  }
+  return make_model(cube.rest, cube.tets, labels, {{1, soft_tissue}, {2, stiff}});
+}
+
+// The largest energy in a second after being shaken, over what the shaking gave; infinite for
+// values that are not finite.
+double energy_gained(const Model& model, const Scene& scene, Precision precision) {
+  const auto solver = make_on_cpu(model, scene, {.precision = precision, .threads = 1});
+  State state = solver->state();
+  std::mt19937 generator(3);
+  for (auto& v : state.v) v = random_vector(generator, 0.05);
+  solver->set_state(state);
+  const double given = diagnose(model, scene, state).total();
+  double most = 0.0;
+  for (int frame = 0; frame < 60; ++frame) {
+    solver->advance_frame();
+    state = solver->state();
+    if (!state.finite()) return std::numeric_limits<double>::infinity();
+    most = std::max(most, diagnose(model, scene, state).total());
+  }
+  return most / given;
+}
+
+// One law a tet, the same for small strain.
+void check_that_laws_share_the_body(const Model& model, const Scene& plain, const Scene& switched) {
+  EXPECT_EQ(NeoHookean::elements(model, switched.params<NeoHookean>().front()).size() +
+                Corotational::elements(model, switched.params<Corotational>().front()).size(),
+            model.tet_count());
+  State stretched;
+  for (const auto& x : model.rest) stretched.u.push_back({1e-5 * x.x, 0.0, 0.0});
+  stretched.v.resize(model.vertex_count());
+  const double energy = diagnose(model, plain, stretched).elastic;
+  EXPECT_NEAR(diagnose(model, switched, stretched).elastic, energy, 1e-4 * energy);
+}
+
+TEST(Stability, AnotherFormKeepsBoundedWhatNeoHookeanBlowsUp) {
+  const struct {
+    Model model;
+    int substeps;
+    double blown_up;  // energy gained without the policy, at least
+  } cases[] = {{cube_with_slivers(), 6, 2.0}, {cube_with_core(), 16, 1e5}};
+  for (const auto& [model, substeps, blown_up] : cases) {
+    Scene plain = elastic_scene();
+    plain.time.substeps = substeps;
+    plain.stability = StabilityPolicy::warn;
+    ASSERT_GT(apply_policy(model, plain).limit.value, 4.0 * cs_limit);
+    Scene switched = plain;
+    switched.stability = StabilityPolicy::form;
+    const Stability after = apply_policy(model, switched);
+    EXPECT_GT(after.switched, 0u);
+    EXPECT_LE(after.switched, model.tet_count() / 4);
+    EXPECT_LE(after.limit.value, cs_limit);
+    EXPECT_EQ(switched.time.substeps, substeps);
+    check_that_laws_share_the_body(model, plain, switched);
+    for (const Precision precision : {Precision::fp32, Precision::fp64}) {
+      EXPECT_GT(energy_gained(model, plain, precision), blown_up);
+      EXPECT_LT(energy_gained(model, switched, precision), 1.0);
+    }
+  }
+}
+
+TEST(Stability, WithoutATetAboveTheLimitTheFormStaysAndSoDoesEveryBit) {
+  const Model model = make_cube(4);
+  Scene warned = drop_scene(), formed = warned;
+  warned.stability = StabilityPolicy::warn;
+  formed.stability = StabilityPolicy::form;
+  EXPECT_EQ(apply_policy(model, formed).switched, 0u);
+  apply_policy(model, warned);
+  EXPECT_FALSE(formed.has<Corotational>());
+  const auto a = make_on_cpu(model, warned, {}), b = make_on_cpu(model, formed, {});
+  for (int frame = 0; frame < 20; ++frame) {
+    a->advance_frame();
+    b->advance_frame();
+  }
+  EXPECT_EQ(a->state().hash(), b->state().hash());
+}
+
+TEST(Stability, WhereAnotherFormDoesNotHelpTheSubstepsAreRaised) {
+  Material stiff = soft_tissue;
+  stiff.youngs_modulus = 1e6;
+  const Model model = make_cube(10, stiff);
+  Scene scene = elastic_scene();
+  scene.time.substeps = 4;
+  scene.stability = StabilityPolicy::form;
+  Scene branched = scene;
+  branched.params<Prony>().push_back({.modulus = 0.5, .time = 0.1});
+  EXPECT_LE(apply_policy(model, branched).limit.value, cs_limit);
+  EXPECT_GT(branched.time.substeps, 4);
+  EXPECT_LE(apply_policy(model, scene, Method::tled).courant_max, courant_limit);
+  EXPECT_GT(scene.time.substeps, 4);
+  EXPECT_FALSE(scene.has<Corotational>());
+}
+
 }  // namespace
 }  // namespace viscera::sim

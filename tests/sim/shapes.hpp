@@ -99,6 +99,7 @@ typename Effect::Params sample_params() {
   if constexpr (std::is_same_v<Effect, Fibre>) params = {1e4, {1.0, 2.0, -0.5}, ""};
   if constexpr (std::is_same_v<Effect, Prony>) params = {0.7, 0.01};
   if constexpr (std::is_same_v<Effect, Pressure>) params.pressure = 500.0;
+  if constexpr (std::is_same_v<Effect, Load>) params.force = {0.1, 0.2, -0.3};
   if constexpr (std::is_same_v<Effect, Spring>) params.stiffness = 1e6;
   if constexpr (std::is_same_v<Effect, Prescribed>) params.displacement = {0.0, 0.0, 0.005};
   // Obstacles a millimetre below a cube of 5 cm at the origin.

@@ -23,6 +23,7 @@ SolverOptions xpbd(Scheme scheme, Precision precision, int iterations = 1);
 void add_static_problems(std::vector<Row>& rows);
 void add_motion_problems(std::vector<Row>& rows);
 void add_contact_problems(std::vector<Row>& rows);
+void add_measured_problems(std::vector<Row>& rows);
 void add_judge_problems(std::vector<Row>& rows);  // CalculiX, where it is installed
 
 }  // namespace viscera::sim

@@ -32,6 +32,7 @@ TEST(Solvers, EveryFigureIsWithinItsBoundOrAKnownMissThatIsNoWorse) {
   add_static_problems(rows);
   add_motion_problems(rows);
   add_contact_problems(rows);
+  add_measured_problems(rows);
   add_judge_problems(rows);
   run_rows(rows);
   write_table("docs/results/verification.md", head, "met", rows);

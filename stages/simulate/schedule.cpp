@@ -1,0 +1,34 @@
+#include "stages/simulate/schedule.hpp"
+
+#include <algorithm>
+
+namespace viscera {
+
+Schedule::Schedule(const SceneFile& file)
+    : settings_{{0.0, file.materials, file.scene.effects}}, frame_s_(file.scene.time.frame_s) {
+  settings_.insert(settings_.end(), file.schedule.begin(), file.schedule.end());
+}
+
+std::size_t Schedule::at(double frame_begin_s) const {
+  const double rounding = 1e-6 * frame_s_;
+  const auto later = std::ranges::find_if(
+      settings_.begin() + 1, settings_.end(),
+      [&](const SceneChange& change) { return change.at_s > frame_begin_s + rounding; });
+  return later - settings_.begin() - 1;
+}
+
+void Schedule::set(std::size_t setting, sim::Model& model, sim::Scene& scene) const {
+  const SceneChange& now = settings_[setting];
+  for (std::size_t i = 0; i < model.materials.size(); ++i) {
+    model.materials[i] = now.materials.at(model.label_names[i]);
+  }
+  // These two have no parameters of the scene, but may have shared the tets between them
+  // (sim/stability.hpp).
+  const auto neo_hookean = scene.params<sim::NeoHookean>();
+  const auto corotational = scene.params<sim::Corotational>();
+  scene.effects = now.effects;
+  scene.params<sim::NeoHookean>() = neo_hookean;
+  scene.params<sim::Corotational>() = corotational;
+}
+
+}  // namespace viscera

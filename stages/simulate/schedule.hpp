@@ -1,0 +1,26 @@
+// The scene's schedule over the frames of a run: what holds over each of them.
+#pragma once
+
+#include "sim/model.hpp"
+#include "stages/simulate/scene_file.hpp"
+
+namespace viscera {
+
+class Schedule {
+ public:
+  explicit Schedule(const SceneFile& file);
+
+  // Settings are numbered in the order of time; the first is that of the start.
+  std::size_t count() const { return settings_.size(); }
+  // That which holds over the frame that begins at this time: changes come into force at the first
+  // frame that does not begin before them.
+  std::size_t at(double frame_begin_s) const;
+  // Gives body and scene the materials and parameters of a setting.
+  void set(std::size_t setting, sim::Model& model, sim::Scene& scene) const;
+
+ private:
+  std::vector<SceneChange> settings_;
+  double frame_s_;
+};
+
+}  // namespace viscera

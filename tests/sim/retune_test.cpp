@@ -1,0 +1,145 @@
+// Materials and parameters that change while a run goes on: to the bit what a run from there with
+// the new values gives, and never anything but values.
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "sim/refusal.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+struct Case {
+  const char* name;
+  SolverOptions options;
+};
+
+std::vector<Case> cases() {
+  const auto with = [](Scheme scheme, int iterations) {
+    return SolverOptions{
+        .scheme = scheme, .iterations = iterations, .block_tets = 60, .threads = 1};
+  };
+  SolverOptions quasi_static{.method = Method::fem};
+  quasi_static.fem.time = FemOptions::Time::quasi_static;
+  return {{"gauss_seidel", with(Scheme::gauss_seidel, 1)},
+          {"gauss_seidel_2", with(Scheme::gauss_seidel, 2)},
+          {"block", with(Scheme::block_gauss_seidel, 1)},
+          {"jacobi", with(Scheme::jacobi, 1)},
+          {"tled", {.method = Method::tled, .threads = 1}},
+          {"pbd", {.method = Method::pbd, .stiffness = 0.1, .threads = 1}},
+          {"fem", {.method = Method::fem}},
+          {"fem_static", quasi_static}};
+}
+
+// A bar held at one end that sags onto the ground, with as much beside its elasticity as the
+// method solves.
+struct Setting {
+  Model model = make_box({0.06, 0.02, 0.02}, {6, 2, 2}, soft_tissue);
+  Scene scene;
+
+  explicit Setting(Method method, double stiffer = 1.0) {
+    for (Material& material : model.materials) material.youngs_modulus *= stiffer;
+    scene.params<Gravity>().push_back({.acceleration = 9.8 * stiffer});
+    Fixed::Params held;
+    held.side = "right";
+    scene.params<Fixed>().push_back(held);
+    auto& ground = scene.params<Ground>().emplace_back();
+    ground.clearance = 1e-3;
+    ground.friction = 0.1 * stiffer;
+    scene.params<Viscosity>().emplace_back();
+    if (method == Method::pbd) {
+      scene.params<Corotational>().emplace_back();
+    } else {
+      scene.params<NeoHookean>().emplace_back();
+      scene.params<Prony>().push_back({.modulus = 0.5, .time = 0.01 * stiffer});
+    }
+    if (method != Method::fem) {
+      scene.params<ShapeMatching>().push_back({.regions = "blocks", .tets = 40.0});
+      scene.params<SelfContact>().push_back({.friction = 0.2 * stiffer});
+    } else {
+      scene.time.substeps = 4;
+    }
+  }
+};
+
+bool same_bits(const State& a, const State& b) {
+  return a.u == b.u && a.v == b.v && a.memory == b.memory && a.step == b.step;
+}
+
+void advance(Solver& solver, int frames) {
+  for (int frame = 0; frame < frames; ++frame) solver.advance_frame();
+}
+
+class Retune : public testing::TestWithParam<Case> {
+ protected:
+  const SolverOptions& options() const { return GetParam().options; }
+  std::unique_ptr<Solver> make(const Setting& setting) const {
+    return make_on_cpu(setting.model, setting.scene, options());
+  }
+};
+
+TEST_P(Retune, TheSameValuesChangeNoBit) {
+  const Setting setting(options().method);
+  const auto plain = make(setting), retuned = make(setting);
+  for (int frame = 0; frame < 6; ++frame) {
+    plain->advance_frame();
+    retuned->retune(setting.model, setting.scene);
+    retuned->advance_frame();
+  }
+  EXPECT_TRUE(same_bits(plain->state(), retuned->state()));
+}
+
+TEST_P(Retune, OtherValuesGiveTheRunThatACheckpointWithThemGives) {
+  const Setting before(options().method), after(options().method, 2.0);
+  const auto plain = make(before), retuned = make(before), restarted = make(after);
+  advance(*plain, 6);
+  advance(*retuned, 3);
+  restarted->set_state(retuned->state());
+  retuned->retune(after.model, after.scene);
+  advance(*retuned, 3);
+  advance(*restarted, 3);
+  EXPECT_TRUE(same_bits(retuned->state(), restarted->state()));
+  EXPECT_FALSE(same_bits(retuned->state(), plain->state()));
+}
+
+TEST_P(Retune, WhatIsNotAValueIsRefusedAndTheRunGoesOn) {
+  const Setting setting(options().method);
+  const auto plain = make(setting), refusing = make(setting);
+  const auto refuses = [&](const char* field, const std::function<void(Setting&)>& change) {
+    Setting other = setting;
+    change(other);
+    try {
+      refusing->retune(other.model, other.scene);
+      ADD_FAILURE() << field;
+    } catch (const Refusal& refusal) {
+      EXPECT_EQ(refusal.cause, Refusal::Cause::scene);
+      EXPECT_NE(refusal.field.find(field), std::string::npos) << refusal.field;
+    }
+  };
+  refuses("density", [](Setting& s) {
+    for (double& mass : s.model.mass) mass *= 2.0;
+  });
+  refuses("held", [](Setting& s) { s.scene.params<Fixed>().front().side = "left"; });
+  refuses("mesh", [](Setting& s) { s.model.rest.front().x -= 1e-4; });
+  refuses("time", [](Setting& s) { s.scene.time.substeps *= 2; });
+  refuses("effects.ground", [](Setting& s) { s.scene.params<Ground>().clear(); });
+  refuses("effects.linear", [](Setting& s) { s.scene.params<Linear>().emplace_back(); });
+  refuses("effects.ground.friction",
+          [](Setting& s) { s.scene.params<Ground>().front().friction = -1.0; });
+  if (options().method != Method::fem) {
+    refuses("effects.shape_matching",
+            [](Setting& s) { s.scene.params<ShapeMatching>().front().regions = "body"; });
+    refuses("effects.self_contact",
+            [](Setting& s) { s.scene.params<SelfContact>().front().thickness = 2e-3; });
+  }
+  advance(*plain, 2);
+  advance(*refusing, 2);
+  EXPECT_TRUE(same_bits(plain->state(), refusing->state()));
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, Retune, testing::ValuesIn(cases()),
+                         [](const auto& each) { return each.param.name; });
+
+}  // namespace
+}  // namespace viscera::sim

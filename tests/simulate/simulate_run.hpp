@@ -1,0 +1,90 @@
+// Runs viscera-simulate on a cube of 5 cm in a folder of its own.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "stages/common/tet_io.hpp"
+#include "stages/simulate/stage.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera {
+
+namespace fs = std::filesystem;
+
+inline const char* const drop_scene = R"(scene: 1
+materials:
+  liver: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3, damping: 20 ms}
+effects:
+  neo_hookean:
+  gravity: {acceleration: 9.8 m/s2}
+  ground: {clearance: 5 mm, friction: 0.3}
+  viscosity:
+time: {frame_rate: 60 Hz, substeps: 32, end: 4 s}
+rest: {speed: 5 mm/s, hold: 0.1 s}
+expect:
+  inverted_max: {max: 0}
+)";
+
+class Simulate : public testing::Test {
+ protected:
+  Simulate() : folder_(fs::temp_directory_path()) {
+    const sim::Model model = sim::make_cube(3);
+    TetMesh mesh{.tets = model.tets,
+                 .labels = std::vector<int>(model.tet_count(), 7),
+                 .label_names = {{7, "liver"}}};
+    for (const auto& x : model.rest) mesh.points.push_back({1e3 * x.x, 1e3 * x.y, 1e3 * x.z + 50});
+    write_vtu(path("mesh.vtu"), mesh);
+  }
+
+  fs::path path(const std::string& name) const { return folder_.path() / name; }
+
+  // Exit code of `viscera-simulate` with this scene; its messages are in `errors`.
+  int run(const std::string& scene, std::vector<std::string> extra = {},
+          const std::string& out = "out") {
+    write_atomically(path("scene.yaml"), scene);
+    std::vector<std::string> words = {"viscera-simulate",
+                                      "--in",
+                                      "mesh=" + path("mesh.vtu").string(),
+                                      "--in",
+                                      "scene=" + path("scene.yaml").string(),
+                                      "--set",
+                                      "device=cpu",
+                                      "--out",
+                                      path(out).string()};
+    words.insert(words.end(), extra.begin(), extra.end());
+    std::vector<char*> argv;
+    for (auto& word : words) argv.push_back(word.data());
+    testing::internal::CaptureStderr();
+    testing::internal::CaptureStdout();
+    const int code = stage_main(static_cast<int>(argv.size()), argv.data(), simulate_stage());
+    testing::internal::GetCapturedStdout();
+    errors = testing::internal::GetCapturedStderr();
+    return code;
+  }
+
+  Manifest manifest() const {
+    return manifest_from_json(Json::parse(read_file(path("out") / "manifest.json")));
+  }
+  Json metric(const std::string& name) const {
+    for (const auto& m : manifest().metrics) {
+      if (m.name == name) return m.value;
+    }
+    return "absent";
+  }
+
+  std::string errors;
+
+ private:
+  TemporaryFolder folder_;
+};
+
+inline std::string with(std::string scene, const std::string& old, const std::string& replacement) {
+  const auto at = scene.find(old);
+  EXPECT_NE(at, std::string::npos) << old;
+  return scene.replace(at, old.size(), replacement);
+}
+
+}  // namespace viscera
