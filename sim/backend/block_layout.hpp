@@ -95,7 +95,24 @@ class BlockLayout {
       append(effect, block, members[block], meetings, result);
       result.block_phase.push_back(static_cast<int>(result.phase_begin.size()) - 1);
     }
+    result.rest = rest_of(effect, result.element_of);
     return result;
+  }
+
+  // Constant data of the elements in the order that `element_of` has them.
+  template <class Effect, class T>
+  auto rest_of(const Prepared<Effect, T>& effect, const std::vector<int>& element_of) const {
+    std::vector<AlignedRest<typename Effect::template Rest<T>>> all;
+    all.reserve(element_of.size());
+    for (const int element : element_of) {
+      auto& rest = all.emplace_back(effect.rest[element]).rest;
+      if constexpr (requires { Effect::lighten(rest, T(1)); }) {
+        std::size_t most = 1;  // copies
+        for (const int v : effect.vertices[element]) most = std::max(most, copies_of(v).size());
+        Effect::lighten(rest, static_cast<T>(most));
+      }
+    }
+    return all;
   }
 
  private:
@@ -147,8 +164,10 @@ class BlockLayout {
       const int color_end = coloring.color_begin[color + 1];
       for (int at = coloring.color_begin[color]; at < color_end; ++at) {
         const int e = coloring.order[at];
-        add_element(effect, members[e], local[e], to);
-        const int size = static_cast<int>(to.rest.size());
+        to.element_of.push_back(members[e]);
+        auto& vertices = to.vertices.emplace_back();
+        for (int i = 0; i < arity; ++i) vertices.index[i] = static_cast<std::uint16_t>(local[e][i]);
+        const int size = static_cast<int>(to.element_of.size());
         const bool full = size - to.phase_begin.back() == lanes_;
         if (full || at + 1 == color_end) to.phase_begin.push_back(size);
       }
@@ -156,23 +175,6 @@ class BlockLayout {
   }
 
   int parts_of(int meetings) const { return (meetings + most_elements_ - 1) / most_elements_; }
-
-  template <class Effect, class T>
-  void add_element(const Prepared<Effect, T>& effect, int element,
-                   const std::array<int, Effect::arity>& local,
-                   BlockElements<Effect, T>& to) const {
-    to.element_of.push_back(element);
-    auto& vertices = to.vertices.emplace_back();
-    std::size_t most = 1;  // copies
-    for (int i = 0; i < Effect::arity; ++i) {
-      vertices.index[i] = static_cast<std::uint16_t>(local[i]);
-      most = std::max(most, copies_of(effect.vertices[element][i]).size());
-    }
-    auto& rest = to.rest.emplace_back(effect.rest[element]).rest;
-    if constexpr (requires { Effect::lighten(rest, T(1)); }) {
-      Effect::lighten(rest, static_cast<T>(most));
-    }
-  }
 
   Blocks blocks_;
   SplitVertices split_;

@@ -413,7 +413,31 @@ template <class T>
 class CudaBlocks final : public Solver {
  public:
   CudaBlocks(const Model& model, const Scene& scene, int tets_per_block, std::string name)
-      : CudaBlocks(Program<T>(model, scene), model, tets_per_block, std::move(name)) {}
+      : name_(std::move(name)),
+        program_(model, scene),
+        layout_(model, program_, tets_per_block, team_for(tets_per_block).lanes,
+                team_for(tets_per_block).most_elements),
+        u_(layout_.copy_count()),
+        v_(layout_.copy_count()),
+        parcels_(2 * static_cast<std::size_t>(layout_.copy_count())) {
+    place_copies();
+    place_effects();
+    upload_views();
+    frame_.u = u_.get();
+    frame_.v = v_.get();
+    frame_.parcels = parcels_.get();
+    frame_.copies = layout_.copy_count();
+    frame_.dt = program_.dt;
+    frame_.substeps = program_.substeps;
+    frame_.team = layout_.lanes();
+    frame_.scene.dt = static_cast<T>(program_.dt);
+    touching_ = DeviceArray<unsigned char>(static_cast<std::size_t>(frame_.scene.contacts) *
+                                           layout_.copy_count());
+    frame_.touching = touching_.get();
+    check(cudaFuncSetAttribute(kernel_.run, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                               static_cast<int>(shared_bytes_)),
+          "asking for shared memory");
+  }
 
   void advance_frame() override {
     frame_.done = step_;
@@ -442,11 +466,27 @@ class CudaBlocks final : public Solver {
     for_each_slot<EffectKind::element>(
         own_, [&memory]<class Effect>(auto& own) { own.load_memory(memory); });
   }
+  void retune(const Model& model, const Scene& scene) override {
+    check_scene(scene);
+    program_.retune({model, scene});
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      const auto& effects = std::get<i>(program_.effects);
+      for (std::size_t k = 0; k < effects.size(); ++k) {
+        if constexpr (Effect::kind == EffectKind::element) {
+          auto& own = std::get<i>(own_)[k];
+          own.rest.upload(layout_.rest_of(effects[k], own.element_of));
+        } else if constexpr (requires { effects[k].device; }) {
+          std::get<i>(host_views_)[k].device = effects[k].device;
+        }
+      }
+    });
+    upload_views();
+  }
   std::size_t contact_count() const override {
     const auto touching = touching_.download();
     std::size_t count = 0;
     for (int k = 0; k < frame_.scene.contacts; ++k) {
-      for (int v = 0; v < vertices_; ++v) {
+      for (int v = 0; v < vertex_count(); ++v) {
         count += touching[static_cast<std::size_t>(k) * frame_.copies + layout_.copies_of(v)[0]];
       }
     }
@@ -466,42 +506,16 @@ class CudaBlocks final : public Solver {
     ViewArray<Effect> array;
   };
 
-  CudaBlocks(const Program<T>& program, const Model& model, int tets_per_block, std::string name)
-      : name_(std::move(name)),
-        vertices_(static_cast<int>(model.vertex_count())),
-        layout_(model, program, tets_per_block, team_for(tets_per_block).lanes,
-                team_for(tets_per_block).most_elements),
-        u_(layout_.copy_count()),
-        v_(layout_.copy_count()),
-        parcels_(2 * static_cast<std::size_t>(layout_.copy_count())) {
-    place_copies(program);
-    place_effects(program);
-    frame_.u = u_.get();
-    frame_.v = v_.get();
-    frame_.parcels = parcels_.get();
-    frame_.copies = layout_.copy_count();
-    frame_.dt = program.dt;
-    frame_.substeps = program.substeps;
-    frame_.team = layout_.lanes();
-    frame_.scene.dt = static_cast<T>(program.dt);
-    touching_ = DeviceArray<unsigned char>(static_cast<std::size_t>(frame_.scene.contacts) *
-                                           layout_.copy_count());
-    frame_.touching = touching_.get();
-    check(cudaFuncSetAttribute(kernel_.run, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                               static_cast<int>(shared_bytes_)),
-          "asking for shared memory");
-  }
-
-  void place_copies(const Program<T>& program) {
-    const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
+  void place_copies() {
+    const T dt2 = static_cast<T>(program_.dt) * static_cast<T>(program_.dt);
     std::vector<Vec3<T>> rest;
     std::vector<T> inverse_mass, mobility;
     std::vector<int> copy_begin = {0}, gather_begin = {0}, gather;
     for (int copy = 0; copy < layout_.copy_count(); ++copy) {
       const int vertex = layout_.vertex_of(copy);
       const auto copies = layout_.copies_of(vertex);
-      const T w = program.inverse_mass[vertex];
-      rest.push_back(program.rest[vertex]);
+      const T w = program_.inverse_mass[vertex];
+      rest.push_back(program_.rest[vertex]);
       inverse_mass.push_back(w);
       mobility.push_back(static_cast<T>(copies.size()) * w * dt2);
       if (copies.size() > 1) gather.insert(gather.end(), copies.begin(), copies.end());
@@ -520,10 +534,10 @@ class CudaBlocks final : public Solver {
     frame_.gather = (gather_ = DeviceArray<int>(gather)).get();
   }
 
-  void place_effects(const Program<T>& program) {
+  void place_effects() {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::contact) {
-        frame_.scene.contacts += static_cast<int>(std::get<i>(program.effects).size());
+        frame_.scene.contacts += static_cast<int>(std::get<i>(program_.effects).size());
       }
     });
     int most = 0;  // shared memory of a block on this device, bytes
@@ -537,8 +551,8 @@ class CudaBlocks final : public Solver {
     std::vector<int> leader(layout_.copy_count(), -1);
     int motions = 0;
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      std::vector<BlockView<Effect, T>> views;
-      for (const auto& effect : std::get<i>(program.effects)) {
+      auto& views = std::get<i>(host_views_);
+      for (const auto& effect : std::get<i>(program_.effects)) {
         named |= EffectSet{1} << i;
         if constexpr (Effect::kind == EffectKind::element) {
           auto& own = std::get<i>(own_).emplace_back(layout_.lay_out(effect));
@@ -561,14 +575,20 @@ class CudaBlocks final : public Solver {
           views.push_back({effect.device});
         }
       }
+    });
+    if (motions > 0) frame_.leader = (leader_ = DeviceArray<int>(leader)).get();
+    shared_bytes_ = bytes + frame_.element_bytes + (phases + bounds_beyond) * sizeof(int);
+    kernel_ = kernel_for<T>(named);
+  }
+
+  void upload_views() {
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      const auto& views = std::get<i>(host_views_);
       auto& array = static_cast<ArrayOf<Effect>&>(views_).array;
       array = ViewArray<Effect>(views);
       static_cast<BlockViews<Effect, T>&>(frame_.scene.effects) = {array.get(),
                                                                    static_cast<int>(views.size())};
     });
-    if (motions > 0) frame_.leader = (leader_ = DeviceArray<int>(leader)).get();
-    shared_bytes_ = bytes + frame_.element_bytes + (phases + bounds_beyond) * sizeof(int);
-    kernel_ = kernel_for<T>(named);
   }
 
   static void require_room(std::size_t bytes, int most) {
@@ -581,7 +601,7 @@ class CudaBlocks final : public Solver {
 
   std::vector<Vec3<double>> gathered(const std::vector<Vec3<T>>& copies) const {
     std::vector<Vec3<double>> field;
-    for (int v = 0; v < vertices_; ++v) {
+    for (int v = 0; v < vertex_count(); ++v) {
       field.push_back(cast<double>(copies[layout_.copies_of(v)[0]]));
     }
     return field;
@@ -594,14 +614,17 @@ class CudaBlocks final : public Solver {
     return copies;
   }
 
+  int vertex_count() const { return static_cast<int>(program_.rest.size()); }
+
   std::string name_;
-  int vertices_;
+  Program<T> program_;
   BlockLayout layout_;
   Frame<T> frame_{};
   Kernel<T> kernel_{};
   std::uint64_t step_ = 0;
   std::size_t shared_bytes_ = 0;
   Effects::Slots<OwnOf> own_;
+  Effects::Slots<View> host_views_;
   Effects::Joined<ArrayOf> views_;
   DeviceArray<Vec3<T>> u_, v_, rest_;
   DeviceArray<T> inverse_mass_, mobility_;

@@ -78,6 +78,20 @@ class HostBlocks final : public Solver {
     }
     step_ = state.step;
   }
+  void retune(const Model& model, const Scene& scene) override {
+    program_.retune({model, scene});
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      const auto& effects = std::get<i>(program_.effects);
+      for (std::size_t k = 0; k < effects.size(); ++k) {
+        if constexpr (Effect::kind == EffectKind::element) {
+          auto& own = *std::get<i>(own_)[k];
+          std::ranges::copy(layout_.rest_of(effects[k], own.element_of), own.rest.begin());
+        } else if constexpr (requires { effects[k].device; }) {
+          std::get<i>(views_)[k].device = effects[k].device;
+        }
+      }
+    });
+  }
   std::size_t contact_count() const override { return 0; }
   std::string device() const override { return "host stand-in"; }
 
