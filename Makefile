@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages build run test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        bench-solver bench-mesh
+        bench-solver bench-mesh bench-surface
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -77,6 +77,12 @@ BENCH_CSV ?= out/bench/mesh.csv
 bench-mesh: build ## our tets, make_mesh_3's and HXT's on one body: BENCH_VOLUME, _LABELS, _TETS, _CSV
 	@mkdir -p $(dir $(BENCH_CSV))
 	@$(BIN)/bench_mesh $(BENCH_VOLUME) '$(BENCH_LABELS)' $(BENCH_CSV) $(BENCH_TETS)
+
+BENCH_SURFACES ?= sample_data/phantom.nrrd
+BENCH_SURFACE_CSV ?= out/bench/surface.csv
+bench-surface: build ## surfaces of every label against their goals: BENCH_SURFACES (volumes), _SURFACE_CSV
+	@mkdir -p $(dir $(BENCH_SURFACE_CSV))
+	@$(BIN)/bench_surface $(BENCH_SURFACE_CSV) $(BENCH_SURFACES)
 
 # ThreadSanitizer sees every pair of threads in the tests of equal bits; the rest has one thread.
 sanitize: ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer

@@ -9,6 +9,8 @@
 #include "stages/common/label_field.hpp"
 #include "stages/common/surface_io.hpp"
 #include "stages/surface/contour.hpp"
+#include "stages/surface/defects.hpp"
+#include "stages/surface/distance.hpp"
 #include "stages/surface/stage.hpp"
 #include "tests/geometry/shapes.hpp"
 
@@ -46,22 +48,26 @@ TEST(Surface, ABallIsClosedOutwardAndOfItsVolumeInMirroredFramesToo) {
   for (const double mirror : {1.0, -1.0}) {
     LabelImage image = testing::nested_balls(20.0, 0.0);
     image.frame.direction = {0.8, -0.6, 0, 0.6, 0.8, 0, 0, 0, mirror};
-    const auto mask = mask_of(image, 0);
-    const double volume =
-        static_cast<double>(std::count(mask.begin(), mask.end(), 1)) * image.frame.voxel_volume();
-    const Field field = smooth(image.frame, mask, 1.0);
-    const auto surface = contour(image.frame, field, matched_level(image.frame, field, volume), 1);
+    const Mask mask = mask_around(image, 0, 4.0);
+    const double volume = mask.volume();
+    const Field field = smooth(mask.frame, mask.inside, 1.0);
+    const auto surface = match_volume(mask, field, 1, 0.0).surface;
     const auto found = check(surface);
     EXPECT_EQ(found.open_edges + found.non_manifold_edges + found.misoriented_edges, 0u);
     EXPECT_EQ(found.shells, 1u);
-    EXPECT_NEAR(found.volume / volume, 1.0, 2e-3);
+    EXPECT_NEAR(found.volume / volume, 1.0, 2e-5);
+    EXPECT_EQ(found.degenerate, 0u);
+    EXPECT_TRUE(self_intersections(surface).empty());
     EXPECT_NEAR(found.area / (4.0 * std::numbers::pi * 400.0), 1.0, 0.02);
     const double reach = 23.5;  // the middle of the 48 voxels
     const auto centre = image.frame.to_lps({reach * 1.1, reach * 1.0, reach * 1.25});
     for (const auto& p : surface.points) {
       EXPECT_NEAR(std::hypot(p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]), 20.0, 1.0);
     }
-    EXPECT_LT(distance_from_voxels(image.frame, mask, surface).rms, 0.6);
+    const auto distance = boundary_distance(mask, surface, 2.5);
+    EXPECT_LT(distance.to_surface.rms, 0.45);
+    EXPECT_LT(distance.to_voxels.rms, 0.45);
+    EXPECT_TRUE(distance.lost.empty());
   }
 }
 
