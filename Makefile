@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages build run test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        bench-solver bench-mesh bench-surface
+        bench-solver bench-mesh bench-surface fuzz
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -90,6 +90,9 @@ sanitize: ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
 	@ctest --test-dir build/asan -L unit --output-on-failure -j $(JOBS)
 	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
 	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
+
+fuzz: ## the image readers under libFuzzer, a minute in all (FUZZ_SECONDS each)
+	@.ci/fuzz
 
 format: ## bring every source into the house style
 	@clang-format -i $(SOURCES)
