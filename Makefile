@@ -91,7 +91,7 @@ sanitize: ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
 	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
 	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
 
-fuzz: ## the image readers under libFuzzer, a minute in all (FUZZ_SECONDS each)
+fuzz: packages ## the image readers under libFuzzer, a minute in all (FUZZ_SECONDS each)
 	@.ci/fuzz
 
 format: ## bring every source into the house style
