@@ -30,10 +30,12 @@ LabelImage core_of(const LabelImage& body, double depth) {
   map->SetInsideIsPositive(true);
   map->Update();
   LabelImage core{.frame = body.frame};
+  // The map counts from the middle of the outermost voxels, half a voxel inside the body.
+  const double half = 0.5 * *std::min_element(body.frame.spacing.begin(), body.frame.spacing.end());
   const float* distance = map->GetOutput()->GetBufferPointer();
   core.voxels.resize(body.voxels.size());
   for (std::size_t v = 0; v < core.voxels.size(); ++v)
-    core.voxels[v] = distance[v] > static_cast<float>(depth);
+    core.voxels[v] = distance[v] >= static_cast<float>(depth - half);
   return core;
 }
 

@@ -18,6 +18,7 @@
 #include "stages/surface/contour.hpp"
 #include "stages/surface/defects.hpp"
 #include "stages/surface/distance.hpp"
+#include "stages/surface/thin_parts.hpp"
 
 namespace viscera {
 namespace {
@@ -26,6 +27,10 @@ std::vector<Param> params() {
   return {
       quantity("sigma", nullptr, "mm", 0.01, 20.0,
                "Gaussian that removes the staircase; unset: 0.8 of the largest voxel spacing"),
+      {.name = "keep_thin",
+       .type = ParamType::boolean,
+       .fallback = true,
+       .doc = "a Gaussian of half the width around sheets and strands that sigma would swallow"},
       quantity("min_shell", "0.02 ml", "ml", 0.0, 1000.0,
                "closed shells and cavities of less volume are dropped"),
       {.name = "body",
@@ -52,7 +57,7 @@ std::vector<Param> params() {
 struct Settings {
   double sigma = 0.0, lost_beyond = 0.0;  // mm
   double min_shell = 0.0;                 // mm3
-  bool discrete = false;
+  bool keep_thin = true, discrete = false;
 };
 
 Json deviation_json(const Deviation& deviation) {
@@ -88,14 +93,26 @@ void report_lost(const std::string& name, const MatchedSurface& made,
       name, lost.size(), beyond, lost.front().distance, p[0], p[1], p[2]);
 }
 
+// The field lives here only: it is as large as all the rest.
+MatchedSurface surface_of(const Mask& mask, int label, const Settings& settings,
+                          std::size_t& thin_voxels) {
+  if (settings.discrete) return discrete(mask, label, settings.min_shell);
+  KeptThin kept;
+  if (settings.keep_thin) {
+    kept = smooth_keeping_thin(mask, settings.sigma);
+  } else {
+    kept.field = smooth(mask.frame, mask.inside, settings.sigma);
+  }
+  thin_voxels = kept.voxels;
+  return match_volume(mask, kept.field, label, settings.min_shell);
+}
+
 // The surface of one label (the whole body for id 0), with its metrics and gates.
 SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, const std::string& name,
                          const Settings& settings) {
   const Mask mask = mask_around(image, label, 4.0 * settings.sigma);
-  MatchedSurface made = settings.discrete
-                            ? discrete(mask, label, settings.min_shell)
-                            : match_volume(mask, smooth(mask.frame, mask.inside, settings.sigma),
-                                           label, settings.min_shell);
+  std::size_t thin_voxels = 0;
+  MatchedSurface made = surface_of(mask, label, settings, thin_voxels);
   SurfaceMesh& surface = made.surface;
   surface.label_names = {{label, name}};
   auto crossing =
@@ -125,6 +142,7 @@ SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, cons
                         {"self_intersections", crossings},
                         {"voxels_to_surface", deviation_json(distance.to_surface)},
                         {"surface_to_voxels", deviation_json(distance.to_voxels)},
+                        {"thin_voxels", thin_voxels},
                         {"lost", lost_json(distance.lost)}});
   const auto none = [&](const char* what, std::size_t count) {
     run.gate(name + what, static_cast<double>(count), "<=", 0.0);
@@ -146,6 +164,7 @@ void run_surface(StageRun& run) {
       .sigma = run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(image.frame),
       .lost_beyond = run.has_param("lost_beyond") ? run.param<double>("lost_beyond") : 2.0 * voxel,
       .min_shell = 1000.0 * run.param<double>("min_shell"),
+      .keep_thin = run.param<bool>("keep_thin"),
       .discrete = run.param<std::string>("method") == "discrete"};
   std::map<int, std::string> names;
   for (const int id : image.voxels) {

@@ -6,6 +6,7 @@
 #include "pipeline/contract/error.hpp"
 #include "stages/common/image_io.hpp"
 #include "stages/common/label_components.hpp"
+#include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"
 #include "stages/labels/stage.hpp"
 #include "tests/geometry/shapes.hpp"
@@ -216,6 +217,39 @@ TEST(Clean, OnlyTheLargestBodyStaysAndItsPlaceIsKept) {
                                            (6.0 - offset[2]) * frame.spacing[2]});
   for (int a = 0; a < 3; ++a) EXPECT_NEAR(before[a], after[a], 1e-12);
   EXPECT_EQ(count_labels(cropped), count_labels(image));
+}
+
+TEST(Clean, AllCavitiesAreFilledAndOnlyTheLargestOfEachLabelStaysWhereAsked) {
+  LabelImage image = testing::draw(24, {1, 1, 1}, [](double x, double y, double z) {
+    const double r = std::hypot(x, y, z);
+    if (std::hypot(x - 4, y, z) < 2.0 || std::hypot(x + 5, y, z) < 1.5) return 2;
+    return r < 10.0 && std::hypot(x, y - 5, z) > 3.0 ? 1 : 0;
+  });
+  LabelImage open = image;
+  Cleaning cleaning;
+  absorb_specks(open, 5, false, cleaning);
+  EXPECT_EQ(cleaning.cavities_filled.components, 0u);
+  absorb_specks(image, 5, true, cleaning);
+  EXPECT_EQ(cleaning.cavities_filled.components, 1u);
+  EXPECT_GT(cleaning.cavities_filled.voxels, 100u);
+  keep_largest_of_each(image, cleaning);
+  EXPECT_EQ(cleaning.specks_absorbed.components, 1u);  // the smaller ball of 2, into 1
+  EXPECT_EQ(find_components(image).list.size(), 3u);   // background, 1, 2
+}
+
+TEST(Clean, ABodyThatHangsOnAThinBridgeIsReportedWithItsPlaceAndSize) {
+  LabelImage image = testing::draw(40, {1, 1, 1}, [](double x, double y, double z) {
+    const bool bridge = std::hypot(y, z) < 1.2 && std::abs(x) < 10;
+    return std::hypot(x - 11, y, z) < 7 || std::hypot(x + 11, y, z) < 5.5 || bridge ? 1 : 0;
+  });
+  const auto bridges = find_bridges(image, 5.0, 20);
+  ASSERT_EQ(bridges.size(), 1u);
+  const auto place = image.frame.from_lps(bridges[0].place);
+  EXPECT_NEAR(place[0], 19.5, 5.0);
+  EXPECT_NEAR(place[1], 19.5, 1.0);
+  EXPECT_GT(bridges[0].area_mm2, 2.0);
+  EXPECT_LT(bridges[0].area_mm2, 9.0);
+  EXPECT_TRUE(find_bridges(image, 1.0, 20).empty());
 }
 
 TEST_F(Labels, ARealSegmentationBecomesOneBodyWithItsTumours) {
