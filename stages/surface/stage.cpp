@@ -18,6 +18,7 @@
 #include "stages/surface/contour.hpp"
 #include "stages/surface/defects.hpp"
 #include "stages/surface/distance.hpp"
+#include "stages/surface/remesh.hpp"
 #include "stages/surface/thin_parts.hpp"
 
 namespace viscera {
@@ -49,14 +50,21 @@ std::vector<Param> params() {
           "largest voxel spacing"),
       quantity("max_lost", nullptr, "mm", 0.0, 1000.0,
                "gate: the farthest voxel face from its surface; unset: none"),
+      quantity("edge", nullptr, "mm", 0.01, 1000.0,
+               "remesh towards triangles of this edge length; unset: those of the contour"),
+      quantity(
+          "edge_distance", nullptr, "mm", 0.001, 1000.0,
+          "bound on the Hausdorff distance between contour and remeshed surface, for which edges "
+          "are shortened; unset: half of the largest voxel spacing"),
       quantity("max_volume_error", "0.2 %", "1", 0.0, 1.0,
                "gate: volume of each surface against its voxels"),
   };
 }
 
 struct Settings {
-  double sigma = 0.0, lost_beyond = 0.0;  // mm
-  double min_shell = 0.0;                 // mm3
+  double sigma = 0.0, lost_beyond = 0.0;   // mm
+  double min_shell = 0.0;                  // mm3
+  double edge = 0.0, edge_distance = 0.0;  // mm; no edge: no remeshing
   bool keep_thin = true, discrete = false;
 };
 
@@ -107,6 +115,19 @@ MatchedSurface surface_of(const Mask& mask, int label, const Settings& settings,
   return match_volume(mask, kept.field, label, settings.min_shell);
 }
 
+// Fewer triangles, where asked for; returns what is to be reported of it.
+Json coarsen(MatchedSurface& made, const std::string& name, const Settings& settings) {
+  if (settings.edge == 0.0) return nullptr;
+  Remeshed remeshed = remesh(made.surface, settings.edge, settings.edge_distance);
+  if (remeshed.edge < settings.edge) {
+    log::warn("{}: triangles of {:.3g} mm are too coarse to stay within {:.3g} mm: {}", name,
+              settings.edge, settings.edge_distance,
+              remeshed.edge > 0.0 ? fmt::format("{:.3g} mm", remeshed.edge) : "left as they are");
+  }
+  made.surface = std::move(remeshed.surface);
+  return {{"edge_mm", remeshed.edge}, {"distance_mm", remeshed.distance}};
+}
+
 // The surface of one label (the whole body for id 0), with its metrics and gates.
 SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, const std::string& name,
                          const Settings& settings) {
@@ -115,6 +136,7 @@ SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, cons
   MatchedSurface made = surface_of(mask, label, settings, thin_voxels);
   SurfaceMesh& surface = made.surface;
   surface.label_names = {{label, name}};
+  const Json remeshed = coarsen(made, name, settings);
   auto crossing =
       std::async(std::launch::async, [&surface] { return self_intersections(surface).size(); });
   const SurfaceCheck found = check(surface);
@@ -142,6 +164,7 @@ SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, cons
                         {"self_intersections", crossings},
                         {"voxels_to_surface", deviation_json(distance.to_surface)},
                         {"surface_to_voxels", deviation_json(distance.to_voxels)},
+                        {"remeshed", remeshed},
                         {"thin_voxels", thin_voxels},
                         {"lost", lost_json(distance.lost)}});
   const auto none = [&](const char* what, std::size_t count) {
@@ -164,6 +187,9 @@ void run_surface(StageRun& run) {
       .sigma = run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(image.frame),
       .lost_beyond = run.has_param("lost_beyond") ? run.param<double>("lost_beyond") : 2.0 * voxel,
       .min_shell = 1000.0 * run.param<double>("min_shell"),
+      .edge = run.has_param("edge") ? run.param<double>("edge") : 0.0,
+      .edge_distance =
+          run.has_param("edge_distance") ? run.param<double>("edge_distance") : 0.5 * voxel,
       .keep_thin = run.param<bool>("keep_thin"),
       .discrete = run.param<std::string>("method") == "discrete"};
   std::map<int, std::string> names;

@@ -11,6 +11,7 @@
 #include "stages/surface/contour.hpp"
 #include "stages/surface/defects.hpp"
 #include "stages/surface/distance.hpp"
+#include "stages/surface/remesh.hpp"
 #include "stages/surface/stage.hpp"
 #include "stages/surface/thin_parts.hpp"
 #include "tests/geometry/shapes.hpp"
@@ -117,6 +118,23 @@ TEST(Surface, WhatLiesOnTheLevelGivesNoDegenerateTriangleAndNoCrossing) {
   const auto found = check(surface);
   EXPECT_EQ(found.degenerate + found.open_edges + found.non_manifold_edges, 0u);
   EXPECT_TRUE(self_intersections(surface).empty());
+}
+
+TEST(Surface, RemeshingKeepsVolumeAndSoundnessWithinTheBoundAndShortensEdgesForIt) {
+  const LabelImage image = with_thin_parts();
+  const Mask mask = mask_around(image, 1, 4.0);
+  const auto fine = match_volume(mask, smooth_keeping_thin(mask, 1.0).field, 1, 0.0).surface;
+  const auto coarse = remesh(fine, 2.5, 0.8);
+  ASSERT_GT(coarse.edge, 0.0);
+  EXPECT_LE(coarse.distance, 0.8);
+  EXPECT_LT(coarse.surface.triangles.size(), fine.triangles.size());
+  EXPECT_NEAR(enclosed_volume(coarse.surface) / enclosed_volume(fine), 1.0, 1e-6);
+  EXPECT_TRUE(self_intersections(coarse.surface).empty());
+  const auto found = check(coarse.surface);
+  EXPECT_EQ(found.open_edges + found.non_manifold_edges + found.degenerate, 0u);
+  const auto closer = remesh(fine, 2.5, 0.3);
+  EXPECT_LT(closer.edge, coarse.edge + 1e-12);
+  EXPECT_LE(closer.distance, 0.3);
 }
 
 TEST(Surface, CrossingAndFoldedTrianglesAreFound) {
