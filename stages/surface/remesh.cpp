@@ -4,8 +4,13 @@
 #include <CGAL/Polygon_mesh_processing/distance.h>
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
-#include <CGAL/Polygon_mesh_processing/remesh.h>
 #include <CGAL/Surface_mesh.h>
+#include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/Bounded_distance_placement.h>
+#include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/Bounded_normal_change_filter.h>
+#include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/Edge_length_cost.h>
+#include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/Edge_length_stop_predicate.h>
+#include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/LindstromTurk_placement.h>
+#include <CGAL/Surface_mesh_simplification/edge_collapse.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,12 +21,13 @@ namespace viscera {
 namespace {
 
 namespace pmp = CGAL::Polygon_mesh_processing;
+namespace sms = CGAL::Surface_mesh_simplification;
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using Point = Kernel::Point_3;
 using Mesh = CGAL::Surface_mesh<Point>;
 
-constexpr int rounds = 5;
-constexpr double shorter = 0.75;  // edges of a round, of those of the one before
+constexpr int rounds = 3;
+constexpr double shorter = 0.6;  // edges of a round, of those of the one before
 
 Mesh to_mesh(const SurfaceMesh& surface) {
   std::vector<Point> points;
@@ -73,6 +79,17 @@ void restore_volume(SurfaceMesh& surface, double volume) {
   }
 }
 
+// Collapses edges, the shortest first, until none that may go is shorter than `edge`. New points
+// keep the volume (Lindstrom and Turk 1998) and stay within `within` of the original; a collapse
+// that turns a triangle round is refused.
+void collapse(Mesh& mesh, double edge, double within) {
+  using Placement = sms::Bounded_distance_placement<sms::LindstromTurk_placement<Mesh>, Kernel>;
+  sms::edge_collapse(mesh, sms::Edge_length_stop_predicate<double>(edge),
+                     CGAL::parameters::get_cost(sms::Edge_length_cost<Mesh>())
+                         .get_placement(Placement(within, sms::LindstromTurk_placement<Mesh>()))
+                         .filter(sms::Bounded_normal_change_filter<>()));
+}
+
 std::vector<Point> samples(const Mesh& mesh) {
   std::vector<Point> points;
   for (const auto v : mesh.vertices()) points.push_back(mesh.point(v));
@@ -106,8 +123,7 @@ Remeshed remesh(const SurfaceMesh& surface, double edge, double within) {
   const double volume = enclosed_volume(surface);
   for (int round = 0; round < rounds; ++round, edge *= shorter) {
     Mesh mesh = original;
-    pmp::isotropic_remeshing(mesh.faces(), edge, mesh,
-                             pmp::parameters::number_of_iterations(3).do_project(true));
+    collapse(mesh, edge, 0.5 * within);
     Remeshed result{.surface = from_mesh(mesh, surface), .edge = edge};
     restore_volume(result.surface, volume);
     if (!is_sound(result.surface)) continue;

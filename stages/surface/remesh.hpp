@@ -1,4 +1,4 @@
-// Fewer, evenly shaped triangles for a surface, within a distance of it.
+// Fewer triangles for a surface, within a distance of it.
 #pragma once
 
 #include "stages/common/surface_mesh.hpp"
@@ -11,10 +11,10 @@ struct Remeshed {
   double distance = 0.0;  // mm, Hausdorff distance over corners, edge and triangle middles
 };
 
-// Isotropic remeshing (Botsch and Kobbelt 2004, through CGAL) of a closed surface of one label
-// towards edges of `edge` mm, its volume restored by moving all points along their normals. Where
-// the two surfaces then lie farther apart than `within` mm, or triangles cross or vanish, it is
-// done again with shorter edges; after five rounds the surface stays as it was.
+// Edges of a closed surface of one label are collapsed (CGAL), the shortest first, until those
+// shorter than `edge` mm are gone that can go; the volume is restored by moving all points along
+// their normals. Where the two surfaces then lie farther apart than `within` mm, or triangles cross
+// or vanish, it is done again for shorter edges; after three rounds the surface stays as it was.
 Remeshed remesh(const SurfaceMesh& surface, double edge, double within);
 
 }  // namespace viscera

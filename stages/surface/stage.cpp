@@ -51,7 +51,7 @@ std::vector<Param> params() {
       quantity("max_lost", nullptr, "mm", 0.0, 1000.0,
                "gate: the farthest voxel face from its surface; unset: none"),
       quantity("edge", nullptr, "mm", 0.01, 1000.0,
-               "remesh towards triangles of this edge length; unset: those of the contour"),
+               "collapse shorter edges than this; unset: the triangles of the contour"),
       quantity(
           "edge_distance", nullptr, "mm", 0.001, 1000.0,
           "bound on the Hausdorff distance between contour and remeshed surface, for which edges "
