@@ -66,7 +66,7 @@ struct Body {
   Point centroid{}, skew{};
   double volume = 0.0;       // mm3
   double surface = 0.0;      // signed volume of its surface, mm3
-  Point surface_centroid{};  // of the surface's points
+  Point surface_centroid{};  // by area
 };
 
 Body measure(const LabelImage& image) {
@@ -90,9 +90,16 @@ Body measure(const LabelImage& image) {
     }
   const auto surface = contour(frame, smooth(frame, mask_of(image, 1), 1.6), 0.5, 1);
   body.surface = check(surface).volume;
-  for (const auto& p : surface.points)
-    for (int a = 0; a < 3; ++a)
-      body.surface_centroid[a] += p[a] / static_cast<double>(surface.points.size());
+  double area = 0.0;
+  for (const auto& t : surface.triangles) {
+    const auto n = doubled_area_normal(surface, t);
+    const double weight = std::hypot(n[0], n[1], n[2]);
+    area += weight;
+    for (const int corner : t)
+      for (int a = 0; a < 3; ++a)
+        body.surface_centroid[a] += weight * surface.points[corner][a] / 3.0;
+  }
+  for (double& x : body.surface_centroid) x /= area;
   return body;
 }
 
@@ -103,8 +110,9 @@ void expect_same(const Body& one, const Body& other) {
   EXPECT_NEAR(one.surface / other.surface, 1.0, 2e-3);
   for (int a = 0; a < 3; ++a) {
     EXPECT_NEAR(one.centroid[a], other.centroid[a], 1e-6);
-    EXPECT_NEAR(one.skew[a], other.skew[a], 1e-4);                          // mm3, of 100 and more
-    EXPECT_NEAR(one.surface_centroid[a], other.surface_centroid[a], 1e-4);  // single precision
+    EXPECT_NEAR(one.skew[a], other.skew[a], 1e-4);  // mm3, of 100 and more
+    EXPECT_NEAR(one.surface_centroid[a], other.surface_centroid[a],
+                0.01);  // see contour.hpp: values at the level
   }
 }
 
