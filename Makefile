@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages build run test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        bench-solver bench-mesh
+        bench-solver bench-mesh bench-surface fuzz
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -79,6 +79,12 @@ bench-mesh: build ## our tets, make_mesh_3's and HXT's on one body: BENCH_VOLUME
 	@mkdir -p $(dir $(BENCH_CSV))
 	@$(BIN)/bench_mesh $(BENCH_VOLUME) '$(BENCH_LABELS)' $(BENCH_CSV) $(BENCH_REPEATS) $(BENCH_TETS)
 
+BENCH_SURFACES ?= sample_data/phantom.nrrd
+BENCH_SURFACE_CSV ?= out/bench/surface.csv
+bench-surface: build ## surfaces of every label against their goals: BENCH_SURFACES (volumes), _SURFACE_CSV
+	@mkdir -p $(dir $(BENCH_SURFACE_CSV))
+	@$(BIN)/bench_surface $(BENCH_SURFACE_CSV) $(BENCH_SURFACES)
+
 # ThreadSanitizer sees every pair of threads in the tests of equal bits; the rest has one thread.
 # AddressSanitizer is spared the seconds of motion that run the same code again and again.
 sanitize: packages ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
@@ -87,6 +93,9 @@ sanitize: packages ## unit tests under Address-, UndefinedBehaviour- and ThreadS
 	  --output-on-failure -j $(JOBS)
 	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
 	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
+
+fuzz: packages ## the image readers under libFuzzer, a minute in all (FUZZ_SECONDS each)
+	@.ci/fuzz
 
 format: ## bring every source into the house style
 	@clang-format -i $(SOURCES)

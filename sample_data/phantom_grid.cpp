@@ -21,11 +21,11 @@ std::array<double, 9> rotation(double w, double x, double y, double z) {
 
 }  // namespace
 
-LabelImage draw() {
+LabelImage draw(int finer) {
   LabelImage image;
   Frame& frame = image.frame;
-  frame.size = {136, 96, 72};
-  frame.spacing = {1.7, 1.9, 2.5};
+  frame.size = {136 * finer, 96 * finer, 72 * finer};
+  frame.spacing = {1.7 / finer, 1.9 / finer, 2.5 / finer};
   frame.direction = rotation(24, 1, -2, 3);
   const Point half{0.5 * (frame.size[0] - 1) * frame.spacing[0],
                    0.5 * (frame.size[1] - 1) * frame.spacing[1],

@@ -6,6 +6,7 @@
 
 namespace viscera::phantom {
 
-LabelImage draw();
+// With `finer` voxels in the place of one along each axis.
+LabelImage draw(int finer = 1);
 
 }  // namespace viscera::phantom

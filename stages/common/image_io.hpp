@@ -1,19 +1,28 @@
-// Volumes on disk, of labels or of measured numbers: NIfTI, NRRD and MetaImage in, labels out as
-// NRRD, through ITK.
+// Volumes on disk, of labels or of measured numbers: NIfTI through its own library, NRRD and
+// MetaImage through ITK; labels out as NRRD.
 //
-// Everything is LPS millimetres (ITK turns NIfTI's RAS round). At most 2^29 voxels; ids 0 to 65535.
+// Everything is LPS millimetres (NIfTI's RAS is turned round). At most 2^29 voxels; ids 0 to 65535.
 #pragma once
 
 #include <filesystem>
 
+#include "stages/common/frame_repair.hpp"
+#include "stages/common/image_header.hpp"
 #include "stages/common/label_image.hpp"
 
 namespace viscera {
 
 struct ImageNotes {
-  std::string pixel_type;       // as stored, "uint8"
-  double frame_shift_mm = 0.0;  // how far orthonormalising the axes moved a corner; 0: untouched
-  double frame_skew = 0.0;      // largest |D^T D - 1| found
+  std::string pixel_type;  // as stored, "uint8"
+  FrameRepair repair;      // of axes that were not quite orthonormal
+};
+
+// A file as it is stored: one or several layers of ids.
+struct Volume {
+  Frame frame;
+  std::vector<std::vector<std::uint16_t>> layers;
+  ImageHeader header;
+  ImageNotes notes;
 };
 
 struct ReadImage {
@@ -21,12 +30,11 @@ struct ReadImage {
   ImageNotes notes;
 };
 
-// Throws Error(bad_input) naming the file for: not an image, truncated, not three-dimensional,
-// more than one component, too large, values that are not whole numbers in [0, 65535], axes whose
-// repair would move a corner by more than half a voxel.
-//
-// Axes that are not quite orthonormal are replaced by the nearest orthonormal ones (polar
-// decomposition) about the centre of the volume; `notes` says by how much that moved the corners.
+// Throws Error(bad_input) naming file and field for: whatever read_image_header refuses, values
+// that are not whole numbers in [0, 65535], axes that orthonormalise (frame_repair.hpp) refuses.
+Volume read_volume(const std::filesystem::path& path);
+
+// The same for a volume of one layer, with the names that the file gives its ids.
 ReadImage read_image(const std::filesystem::path& path);
 
 // A volume of numbers, laid out as label_image.hpp says.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "stages/common/parallel.hpp"
+
 namespace viscera {
 namespace {
 
@@ -21,22 +23,42 @@ std::vector<float> gaussian_taps(double sigma_voxels) {
   return taps;
 }
 
-// One pass along `axis`, row after row, so that memory is walked in order.
+// One pass along `axis`. Each sum runs over its taps in one order, whatever the threads.
 Field convolve(const Frame& frame, const Field& in, int axis, const std::vector<float>& taps) {
   const int reach = static_cast<int>(taps.size() / 2);
   const int length = frame.size[axis];
   std::size_t stride = 1;
   for (int a = 0; a < axis; ++a) stride *= static_cast<std::size_t>(frame.size[a]);
-  const std::size_t block = stride * static_cast<std::size_t>(length);
+  const std::size_t rows = in.size() / stride / static_cast<std::size_t>(length);
   Field out(in.size(), 0.0f);
-  for (std::size_t base = 0; base < in.size(); base += block)
-    for (int i = 0; i < length; ++i)
-      for (int s = std::max(0, i - reach); s <= std::min(length - 1, i + reach); ++s) {
-        const float weight = taps[s - i + reach];
-        const float* from = &in[base + static_cast<std::size_t>(s) * stride];
-        float* to = &out[base + static_cast<std::size_t>(i) * stride];
-        for (std::size_t c = 0; c < stride; ++c) to[c] += weight * from[c];
+  const auto add = [](float* to, const float* from, float weight, std::size_t count) {
+    for (std::size_t c = 0; c < count; ++c) to[c] += weight * from[c];
+  };
+  // Along x a whole row is shifted against itself; along y and z whole rows or planes are added.
+  const auto shift_rows = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row)
+      for (int d = -reach; d <= reach; ++d) {
+        if (std::abs(d) >= length) continue;
+        const std::size_t base = row * static_cast<std::size_t>(length);
+        add(&out[base + static_cast<std::size_t>(std::max(0, -d))],
+            &in[base + static_cast<std::size_t>(std::max(0, d))], taps[d + reach],
+            static_cast<std::size_t>(length - std::abs(d)));
       }
+  };
+  const auto add_rows = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t line = begin; line < end; ++line) {
+      const int i = static_cast<int>(line % static_cast<std::size_t>(length));
+      const std::size_t base = (line - static_cast<std::size_t>(i)) * stride;
+      for (int s = std::max(0, i - reach); s <= std::min(length - 1, i + reach); ++s)
+        add(&out[line * stride], &in[base + static_cast<std::size_t>(s) * stride],
+            taps[s - i + reach], stride);
+    }
+  };
+  if (axis == 0) {
+    parallel_ranges(rows, shift_rows);
+  } else {
+    parallel_ranges(rows * static_cast<std::size_t>(length), add_rows);
+  }
   return out;
 }
 

@@ -6,9 +6,8 @@
 #include <numeric>
 
 namespace viscera {
-namespace {
 
-std::array<double, 3> cross_of(const SurfaceMesh& s, const std::array<int, 3>& t) {
+std::array<double, 3> doubled_area_normal(const SurfaceMesh& s, const std::array<int, 3>& t) {
   std::array<double, 3> u, v;
   for (int a = 0; a < 3; ++a) {
     u[a] = s.points[t[1]][a] - s.points[t[0]][a];
@@ -17,9 +16,11 @@ std::array<double, 3> cross_of(const SurfaceMesh& s, const std::array<int, 3>& t
   return {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
 }
 
+namespace {
+
 // Six times the volume of the cone over a triangle, seen from `apex`.
 double cone(const SurfaceMesh& s, const std::array<int, 3>& t, const std::array<double, 3>& apex) {
-  const auto n = cross_of(s, t);
+  const auto n = doubled_area_normal(s, t);
   const auto& p = s.points[t[0]];
   return n[0] * (p[0] - apex[0]) + n[1] * (p[1] - apex[1]) + n[2] * (p[2] - apex[2]);
 }
@@ -90,16 +91,22 @@ SurfaceCheck check(const SurfaceMesh& surface) {
     if (end - begin == 2 && edges[begin].forward == edges[begin + 1].forward)
       ++result.misoriented_edges;
   }
-  const auto apex = surface.points.empty() ? std::array<double, 3>{} : surface.points.front();
   for (const auto& t : surface.triangles) {
-    const auto n = cross_of(surface, t);
+    const auto n = doubled_area_normal(surface, t);
     const double area = 0.5 * std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
     result.area += area;
     if (area < 1e-10) ++result.degenerate;
-    result.volume += cone(surface, t, apex) / 6.0;
   }
+  result.volume = enclosed_volume(surface);
   result.shells = find_shells(surface).size();
   return result;
+}
+
+double enclosed_volume(const SurfaceMesh& surface) {
+  double volume = 0.0;
+  const auto apex = surface.points.empty() ? std::array<double, 3>{} : surface.points.front();
+  for (const auto& t : surface.triangles) volume += cone(surface, t, apex) / 6.0;
+  return volume;
 }
 
 std::vector<Shell> find_shells(const SurfaceMesh& surface) {

@@ -38,6 +38,11 @@ struct SurfaceCheck {
 
 SurfaceCheck check(const SurfaceMesh& surface);
 
+// Cross product of two edges: twice the area, along the outward normal.
+std::array<double, 3> doubled_area_normal(const SurfaceMesh& surface, const std::array<int, 3>& t);
+
+double enclosed_volume(const SurfaceMesh& surface);  // signed, mm3
+
 struct Shell {
   double volume = 0.0;            // signed, mm3: negative around a cavity
   std::array<double, 3> place{};  // its first point

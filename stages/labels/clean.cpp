@@ -19,30 +19,18 @@ std::map<int, std::size_t> count_labels(const LabelImage& image) {
   return present;
 }
 
-void select(LabelImage& image, const std::vector<Material>& materials) {
-  std::vector<std::uint16_t> becomes(65536, 0);
-  image.names.clear();
-  for (const auto& material : materials) {
-    image.names[material.ids.front()] = material.name;
-    for (const int id : material.ids)
-      becomes[id] = static_cast<std::uint16_t>(material.ids.front());
-  }
-  for (auto& id : image.voxels) id = becomes[id];
-}
+namespace {
 
-void absorb_specks(LabelImage& image, std::size_t min_voxels, Cleaning& cleaning) {
-  const Components components = find_components(image);
-  const auto is_speck = [&](const Component& c) {
-    return c.voxels < min_voxels && !(c.label == 0 && c.on_border);
-  };
+// Gives the components that `goes` names to their neighbours.
+void absorb(LabelImage& image, const Components& components, const std::vector<bool>& goes,
+            Cleaning& cleaning) {
   std::map<std::int32_t, std::map<int, std::size_t>> faces;  // of specks, by neighbouring label
   for (std::size_t v = 0; v < image.voxels.size(); ++v) {
     const auto own = components.of[v];
-    if (!is_speck(components.list[own])) continue;
+    if (!goes[own]) continue;
     auto& shared = faces[own];
     for_each_neighbour(image.frame, v, [&](std::size_t n) {
-      const auto& other = components.list[components.of[n]];
-      if (components.of[n] != own && !is_speck(other)) ++shared[other.label];
+      if (!goes[components.of[n]]) ++shared[components.list[components.of[n]].label];
     });
   }
   std::map<std::int32_t, std::uint16_t> heir;
@@ -63,6 +51,35 @@ void absorb_specks(LabelImage& image, std::size_t min_voxels, Cleaning& cleaning
     const auto found = heir.find(components.of[v]);
     if (found != heir.end()) image.voxels[v] = found->second;
   }
+}
+
+}  // namespace
+
+void absorb_specks(LabelImage& image, std::size_t min_voxels, bool all_cavities,
+                   Cleaning& cleaning) {
+  const Components components = find_components(image);
+  std::vector<bool> goes;
+  for (const auto& c : components.list) {
+    const bool small = c.voxels < min_voxels;
+    goes.push_back(c.label == 0 ? !c.on_border && (small || all_cavities) : small);
+  }
+  absorb(image, components, goes, cleaning);
+}
+
+void keep_largest_of_each(LabelImage& image, Cleaning& cleaning) {
+  const Components components = find_components(image);
+  std::map<int, std::size_t> largest;  // by label; of equals the first
+  for (std::size_t c = 0; c < components.list.size(); ++c) {
+    const auto [best, first] = largest.emplace(components.list[c].label, c);
+    if (!first && components.list[c].voxels > components.list[best->second].voxels)
+      best->second = c;
+  }
+  std::vector<bool> goes;
+  for (std::size_t c = 0; c < components.list.size(); ++c) {
+    const int label = components.list[c].label;
+    goes.push_back(label != 0 && largest[label] != c);
+  }
+  absorb(image, components, goes, cleaning);
 }
 
 void keep_largest_body(LabelImage& image, Cleaning& cleaning) {

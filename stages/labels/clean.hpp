@@ -1,5 +1,5 @@
-// From a label volume as exported to one clean body: which ids count, which specks go, what the
-// border cuts, and the crop around what is left. Every change is counted.
+// From a label volume as exported to one clean body: which specks go, what the border cuts, and the
+// crop around what is left. Every change is counted.
 #pragma once
 
 #include <map>
@@ -10,17 +10,8 @@
 
 namespace viscera {
 
-// The ids that make up one material; the first is its id from here on.
-struct Material {
-  std::string name;
-  std::vector<int> ids;
-};
-
 // Number of voxels of every id that occurs, background excluded.
 std::map<int, std::size_t> count_labels(const LabelImage& image);
-
-// Keeps the materials and makes everything else background.
-void select(LabelImage& image, const std::vector<Material>& materials);
 
 struct Change {
   std::size_t components = 0, voxels = 0;
@@ -34,9 +25,13 @@ struct Cleaning {
 };
 
 // A component of fewer than `min_voxels` voxels, a hole included, goes to the neighbour with which
-// it shares the most faces; background counts as a neighbour, small components do not, and of
-// equals the lowest id wins.
-void absorb_specks(LabelImage& image, std::size_t min_voxels, Cleaning& cleaning);
+// it shares the most faces; background counts as a neighbour, components that go do not, and of
+// equals the lowest id wins. `all_cavities`: holes of any size go.
+void absorb_specks(LabelImage& image, std::size_t min_voxels, bool all_cavities,
+                   Cleaning& cleaning);
+
+// The same for all but the largest component of every label; holes stay.
+void keep_largest_of_each(LabelImage& image, Cleaning& cleaning);
 
 // Keeps the largest face-connected body, all materials taken together.
 void keep_largest_body(LabelImage& image, Cleaning& cleaning);

@@ -1,6 +1,6 @@
-// Order of work: the asked-for ids are selected, specks are given to their neighbours, the largest
-// body is kept, and the volume is cropped to it with a margin of background. Voxels hold one id
-// each, so materials never compete for a voxel except where a speck is given away (clean.hpp).
+// Order of work: the asked-for segments are painted in the order of `labels` (which settles
+// overlaps), specks are given to their neighbours, the largest body is kept, and the volume is
+// cropped to it with a margin of background.
 #include "stages/labels/stage.hpp"
 
 #include <fmt/format.h>
@@ -15,7 +15,9 @@
 #include "pipeline/contract/log.hpp"
 #include "stages/common/image_io.hpp"
 #include "stages/common/label_components.hpp"
+#include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"
+#include "stages/labels/segmentation.hpp"
 
 namespace viscera {
 namespace {
@@ -25,15 +27,31 @@ std::vector<Param> params() {
       {.name = "labels",
        .type = ParamType::map,
        .fallback = nullptr,
-       .doc = "material names and the ids they are made of, {liver: 1, tumour: [2, 3]}; unset: "
-              "every id that occurs, under its stored name or as label_N"},
+       .doc = "material names and the ids or stored names they are made of, {liver: 1, tumour: [2, "
+              "lesion]}; unset: every segment, under its stored name or as label_N"},
+      {.name = "overlap",
+       .type = ParamType::text,
+       .fallback = "last",
+       .choices = {"last", "first"},
+       .doc =
+           "of materials that claim one voxel (layers, masks), which keeps it: the one named last "
+           "in labels, or first"},
       quantity("min_component", "0.1 ml", "ml", 0.0, 1000.0,
                "smaller components and holes are given to their neighbours"),
+      {.name = "cavities",
+       .type = ParamType::text,
+       .fallback = "small",
+       .choices = {"small", "all"},
+       .doc = "holes that are filled: those smaller than min_component, or all"},
       {.name = "keep",
        .type = ParamType::text,
        .fallback = "largest",
-       .choices = {"largest", "all"},
-       .doc = "the largest connected body (all materials together), or all of them"},
+       .choices = {"largest", "each", "all"},
+       .doc =
+           "the largest connected body (all materials together), that of the largest component of "
+           "each material, or all"},
+      quantity("bridge", "3 mm", "mm", 0.0, 100.0,
+               "parts of the body joined by less than this are reported with their places"),
       quantity("pad", "10 mm", "mm", 0.0, 200.0,
                "background left around the body; at least two voxels"),
       {.name = "border",
@@ -45,67 +63,78 @@ std::vector<Param> params() {
 }
 
 Error bad_labels(const std::string& field, std::string found) {
-  return Error(ExitCode::bad_config, {.where = "parameters",
-                                      .field = "labels." + field,
-                                      .found = std::move(found),
-                                      .allowed = "an id from 1 to 65535, or a list of them, each "
-                                                 "under one name",
-                                      .remedy = "write for example {liver: 1, tumour: [2, 3]}"});
+  return Error(
+      ExitCode::bad_config,
+      {.where = "parameters",
+       .field = "labels." + field,
+       .found = std::move(found),
+       .allowed = "an id from 1 to 65535 or a segment's name, or a list of them, each under "
+                  "one material",
+       .remedy = "write for example {liver: 1, tumour: [2, lesion]}"});
 }
 
-std::vector<Material> parse_materials(const Json& given) {
-  std::vector<Material> materials;
-  std::map<int, std::string> taken;
+// The materials as asked for: whole numbers are ids, texts are names.
+using Wanted = std::vector<std::pair<std::string, Json>>;
+
+Wanted parse_wanted(const Json& given) {
+  Wanted wanted;
+  std::map<Json, std::string> taken;
   for (const auto& [name, value] : given.items()) {
-    Material material{.name = name};
-    for (const auto& id : value.is_array() ? value : Json::array({value})) {
-      if (!id.is_number_integer() || id < 1 || id > 65535) throw bad_labels(name, id.dump());
-      material.ids.push_back(id);
-      if (!taken.emplace(id, name).second)
-        throw bad_labels(name, fmt::format("id {} also stands under '{}'", id.dump(), taken[id]));
+    const Json parts = value.is_array() ? value : Json::array({value});
+    for (const auto& part : parts) {
+      const bool id = part.is_number_integer() && part >= 1 && part <= 65535;
+      if (!id && !part.is_string()) throw bad_labels(name, part.dump());
+      if (!taken.emplace(part, name).second)
+        throw bad_labels(name, fmt::format("{} also stands under '{}'", part.dump(), taken[part]));
     }
-    if (material.ids.empty()) throw bad_labels(name, "no ids");
+    if (parts.empty()) throw bad_labels(name, "no ids");
+    wanted.emplace_back(name, parts);
+  }
+  if (wanted.empty()) throw bad_labels("", "no materials");
+  return wanted;
+}
+
+std::string list_segments(const Segmentation& segmentation) {
+  std::vector<std::string> all;
+  for (const auto& s : segmentation.segments) {
+    const bool unnamed = s.name == fmt::format("label_{}", s.id);
+    all.push_back(unnamed ? std::to_string(s.id) : fmt::format("{} {}", s.id, s.name));
+  }
+  return fmt::format("{}", fmt::join(all, ", "));
+}
+
+// The materials asked for by id or name, or all segments.
+std::vector<Material> materials_for(const StageRun& run, const Segmentation& segmentation) {
+  std::vector<Material> materials;
+  if (!run.has_param("labels")) {
+    for (const auto& segment : segmentation.segments)
+      materials.push_back({segment.name, {segment.id}});
+    return materials;
+  }
+  std::map<int, std::string> taken;
+  for (const auto& [name, parts] : parse_wanted(run.params().at("labels"))) {
+    Material material{.name = name};
+    for (const auto& part : parts) {
+      const auto& all = segmentation.segments;
+      const auto found = std::find_if(all.begin(), all.end(), [&part](const Segment& s) {
+        return part.is_string() ? part == s.name : part == s.id;
+      });
+      if (found == all.end()) {
+        throw Error(ExitCode::bad_input,
+                    {.where = run.input("volume").string(),
+                     .field = "labels." + name,
+                     .found = fmt::format("{} {} does not occur", part.is_string() ? "name" : "id",
+                                          part.dump()),
+                     .allowed = "the segments in this file: " + list_segments(segmentation),
+                     .remedy = "correct 'labels', or give another volume"});
+      }
+      if (!taken.emplace(found->id, name).second)
+        throw bad_labels(name,
+                         fmt::format("{} also stands under '{}'", part.dump(), taken[found->id]));
+      material.ids.push_back(found->id);
+    }
     materials.push_back(std::move(material));
   }
-  if (materials.empty()) throw bad_labels("", "no materials");
-  return materials;
-}
-
-std::string list_ids(const std::map<int, std::size_t>& present) {
-  std::vector<int> ids;
-  for (const auto& [id, count] : present) ids.push_back(id);
-  return fmt::format("{}", fmt::join(ids, ", "));
-}
-
-// The materials asked for, or all that occur.
-std::vector<Material> materials_for(const StageRun& run, const LabelImage& image) {
-  const auto present = count_labels(image);
-  const std::string file = run.input("volume").string();
-  if (present.empty()) {
-    throw Error(ExitCode::bad_input, {.where = file,
-                                      .field = "voxel values",
-                                      .found = "all zero",
-                                      .allowed = "at least one labelled voxel",
-                                      .remedy = "give the segmentation of this patient"});
-  }
-  if (!run.has_param("labels")) {
-    std::vector<Material> all;
-    for (const auto& [id, count] : present) {
-      const auto name = image.names.find(id);
-      all.push_back({name == image.names.end() ? fmt::format("label_{}", id) : name->second, {id}});
-    }
-    return all;
-  }
-  const auto materials = parse_materials(run.params().at("labels"));
-  for (const auto& material : materials)
-    for (const int id : material.ids) {
-      if (present.count(id)) continue;
-      throw Error(ExitCode::bad_input, {.where = file,
-                                        .field = "labels." + material.name,
-                                        .found = fmt::format("id {} does not occur", id),
-                                        .allowed = "the ids in this file: " + list_ids(present),
-                                        .remedy = "correct 'labels', or give another volume"});
-    }
   return materials;
 }
 
@@ -190,23 +219,65 @@ void report_cleaning(StageRun& run, const Cleaning& cleaning) {
   }
 }
 
-void run_labels(StageRun& run) {
-  auto [image, notes] = read_image(run.input("volume"));
-  if (notes.frame_shift_mm > 0.0) {
-    log::warn("{}: axes made orthonormal, which moved the corners by up to {:.3g} mm",
-              run.input("volume").string(), notes.frame_shift_mm);
+// Bodies that hang together by little: a simulation would fold or tear there.
+void report_bridges(StageRun& run, const LabelImage& body, std::size_t min_voxels) {
+  const double thickness = run.param<double>("bridge");
+  if (thickness <= 0.0) return;
+  const auto bridges = find_bridges(body, thickness, min_voxels);
+  Json list = Json::array();
+  for (const auto& bridge : bridges) {
+    list.push_back({{"place_mm", bridge.place},
+                    {"area_mm2", bridge.area_mm2},
+                    {"smaller_ml", bridge.smaller_ml}});
   }
-  const auto materials = materials_for(run, image);
-  select(image, materials);
+  run.metric("bridges", list);
+  if (bridges.empty()) return;
+  const auto& [p, area, ml] = bridges.front();
+  log::warn(
+      "{} parts of the body hang on bridges thinner than {:.3g} mm, the largest ({:.2f} ml) "
+      "near ({:.1f}, {:.1f}, {:.1f}) mm",
+      bridges.size(), thickness, ml, p[0], p[1], p[2]);
+}
 
+// What several materials claimed, and who kept it.
+void report_overlaps(StageRun& run, const LabelImage& image, const std::vector<Overlap>& overlaps) {
+  Json list = Json::array();
+  for (const auto& overlap : overlaps) {
+    const auto &kept = image.names.at(overlap.kept), &lost = image.names.at(overlap.lost);
+    log::warn("{} and {} overlap in {} voxels: they go to {}", lost, kept, overlap.voxels, kept);
+    list.push_back({{"kept", kept}, {"lost", lost}, {"voxels", overlap.voxels}});
+  }
+  run.metric("overlaps", list);
+}
+
+void clean(StageRun& run, LabelImage& body, std::size_t min_voxels) {
   Cleaning cleaning;
+  const auto keep = run.param<std::string>("keep");
+  absorb_specks(body, min_voxels, run.param<std::string>("cavities") == "all", cleaning);
+  if (keep == "each") keep_largest_of_each(body, cleaning);
+  if (keep != "all") keep_largest_body(body, cleaning);
+  report_cleaning(run, cleaning);
+}
+
+void run_labels(StageRun& run) {
+  const auto segmentation = read_segmentation(run.inputs("volume"));
+  const ImageNotes& notes = segmentation.notes;
+  if (notes.repair.shift_mm > 0.0) {
+    log::warn("{}: axes made orthonormal, which moved the corners by up to {:.3g} mm",
+              run.input("volume").string(), notes.repair.shift_mm);
+  }
+  const auto materials = materials_for(run, segmentation);
+  std::vector<Overlap> overlaps;
+  LabelImage image =
+      paint(segmentation, materials, run.param<std::string>("overlap") == "last", overlaps);
+  report_overlaps(run, image, overlaps);
+
   std::array<int, 3> offset{}, padding{};
   LabelImage body = crop(image, {1, 1, 1}, offset);
   const double ml_per_voxel = image.frame.voxel_volume() / 1000.0;
   const auto min_voxels =
       static_cast<std::size_t>(std::ceil(run.param<double>("min_component") / ml_per_voxel));
-  absorb_specks(body, min_voxels, cleaning);
-  if (run.param<std::string>("keep") == "largest") keep_largest_body(body, cleaning);
+  clean(run, body, min_voxels);
   const auto left = count_labels(body);
   if (left.empty()) {
     throw Error(ExitCode::bad_input,
@@ -222,6 +293,7 @@ void run_labels(StageRun& run) {
               material.name);
     body.names.erase(material.ids.front());
   }
+  report_bridges(run, body, min_voxels);
   const auto cuts = cuts_of_kept(std::move(image), body, offset);
   const double cut_area = report_cuts(body, cuts);
   const LabelImage result =
@@ -237,9 +309,8 @@ void run_labels(StageRun& run) {
   }
   run.metric("labels", labels);
   run.metric("pixel_type", notes.pixel_type);
-  run.metric("frame_skew", notes.frame_skew);
-  run.metric("frame_shift", notes.frame_shift_mm, "mm");
-  report_cleaning(run, cleaning);
+  run.metric("frame_skew", notes.repair.skew);
+  run.metric("frame_shift", notes.repair.shift_mm, "mm");
   run.metric("border_area", cut_area, "mm2");
   if (run.param<std::string>("border") == "gate")
     run.gate("border_area", cut_area, "<=", 0.0, "mm2");
@@ -250,17 +321,19 @@ void run_labels(StageRun& run) {
 Stage labels_stage() {
   Stage stage;
   stage.info = {.name = "labels",
-                .version = "1",
+                .version = "2",
                 .doc = "A segmented volume to one clean, cropped label volume.",
                 .inputs = {{.role = "volume",
-                            .doc = "label volume: NIfTI (.nii, .nii.gz), NRRD or MetaImage"}},
+                            .many = true,
+                            .doc = "label volume (NIfTI, NRRD with layers, MetaImage), DICOM SEG, "
+                                   "folder of DICOM masks, or several of these on one grid"}},
                 .outputs = {{"labels.nrrd", "labels", "one id per voxel, cropped, LPS mm"},
                             {"labels.json", "", "names, ids, volumes, components, border cuts"}},
                 .params = params(),
                 .libraries = {{"ITK", itk::Version::GetITKVersion()}}};
   stage.run = run_labels;
   stage.check = [](const StageRun& run) {
-    if (run.has_param("labels")) parse_materials(run.params().at("labels"));
+    if (run.has_param("labels")) parse_wanted(run.params().at("labels"));
   };
   return stage;
 }

@@ -1,51 +1,91 @@
 #include "stages/surface/contour.hpp"
 
 #include <vtkCellArray.h>
-#include <vtkCellArrayIterator.h>
 #include <vtkFloatArray.h>
 #include <vtkFlyingEdges3D.h>
-#include <vtkGenericCell.h>
+#include <vtkIdTypeArray.h>
 #include <vtkImageData.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkPolyData.h>
-#include <vtkStaticCellLocator.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace viscera {
 namespace {
 
-vtkNew<vtkImageData> as_image(const Frame& frame, const Field& field) {
-  vtkNew<vtkImageData> image;
-  image->SetDimensions(frame.size.data());
-  image->SetSpacing(frame.spacing.data());
-  vtkNew<vtkFloatArray> values;
-  // VTK only reads the array, though its interface asks for a pointer to change.
-  values->SetArray(const_cast<float*>(field.data()), static_cast<vtkIdType>(field.size()), 1);
-  image->GetPointData()->SetScalars(values);
-  return image;
+constexpr double beside_level = 0.004;
+constexpr int rounds = 16;  // of the search for the level
+constexpr double longest_step = 0.05;
+constexpr double close_enough = 1e-5;  // of the volume
+
+// Values near the level are rounded to one side of it, up or down so that what this adds to the
+// volume and takes from it cancels.
+Field beside(const Field& field, double level) {
+  Field moved = field;
+  double owed = 0.0;
+  for (float& value : moved) {
+    const double off = value - level;
+    if (std::abs(off) >= beside_level) continue;
+    const double rounded = owed + off >= 0.0 ? beside_level : -beside_level;
+    owed += off - rounded;
+    value = static_cast<float>(level + rounded);
+  }
+  return moved;
 }
 
-vtkNew<vtkPolyData> as_poly_data(const SurfaceMesh& surface) {
-  vtkNew<vtkPoints> points;
-  points->SetDataTypeToDouble();
-  for (const auto& point : surface.points) points->InsertNextPoint(point.data());
-  vtkNew<vtkCellArray> triangles;
-  for (const auto& t : surface.triangles) {
-    const vtkIdType ids[3] = {t[0], t[1], t[2]};
-    triangles->InsertNextCell(3, ids);
+// Where the volume of voxels above the level is `volume`, and how fast it falls there.
+struct Guess {
+  double level = 0.5, slope = 1.0;  // slope: mm3 per unit of level
+};
+
+Guess guess_level(const Mask& mask, const Field& field) {
+  constexpr int bins = 1024;
+  std::vector<std::size_t> counts(bins + 1);
+  for (const float value : field)
+    ++counts[static_cast<std::size_t>(std::clamp(value, 0.0f, 1.0f) * bins)];
+  std::size_t above = 0;
+  int bin = bins;
+  while (bin > 0 && above + counts[bin] < mask.voxels) above += counts[bin--];
+  constexpr int window = bins / 50;
+  std::size_t near = 0;
+  for (int b = std::max(1, bin - window); b <= std::min(bins, bin + window); ++b) near += counts[b];
+  const double width = static_cast<double>(2 * window + 1) / bins;
+  const double slope = static_cast<double>(near) * mask.frame.voxel_volume() / width;
+  return {std::clamp((bin + 0.5) / bins, 0.02, 0.98), std::max(slope, 1e-9)};
+}
+
+MatchedSurface without_small_shells(SurfaceMesh surface, int label, double min_volume) {
+  MatchedSurface result;
+  const auto shells = find_shells(surface);
+  double largest = 0.0;
+  for (const auto& shell : shells) largest = std::max(largest, std::abs(shell.volume));
+  SurfaceMesh kept{.points = surface.points};
+  for (const auto& shell : shells) {
+    if (std::abs(shell.volume) < std::min(min_volume, largest)) {
+      ++result.dropped;
+      result.dropped_volume += std::abs(shell.volume);
+      result.dropped_at.push_back(shell.place);
+      continue;
+    }
+    for (const int t : shell.triangles) kept.triangles.push_back(surface.triangles[t]);
   }
-  vtkNew<vtkPolyData> data;
-  data->SetPoints(points);
-  data->SetPolys(triangles);
-  return data;
+  kept.labels.assign(kept.triangles.size(), label);
+  result.surface = result.dropped > 0 ? extract(kept, label) : std::move(surface);
+  return result;
 }
 
 }  // namespace
 
 SurfaceMesh contour(const Frame& frame, const Field& field, double level, int label) {
-  const auto image = as_image(frame, field);
+  Field moved = beside(field, level);
+  vtkNew<vtkImageData> image;
+  image->SetDimensions(frame.size.data());
+  image->SetSpacing(frame.spacing.data());
+  vtkNew<vtkFloatArray> values;
+  values->SetArray(moved.data(), static_cast<vtkIdType>(moved.size()), 1);
+  image->GetPointData()->SetScalars(values);
   vtkNew<vtkFlyingEdges3D> edges;
   edges->SetInputData(image);
   edges->SetValue(0, level);
@@ -56,59 +96,57 @@ SurfaceMesh contour(const Frame& frame, const Field& field, double level, int la
   vtkPolyData& data = *edges->GetOutput();
 
   SurfaceMesh surface;
+  surface.points.reserve(static_cast<std::size_t>(data.GetNumberOfPoints()));
   for (vtkIdType i = 0; i < data.GetNumberOfPoints(); ++i) {
     std::array<double, 3> p;
     data.GetPoint(i, p.data());
     surface.points.push_back(frame.to_lps(p));
   }
-  const auto walk = vtk::TakeSmartPointer(data.GetPolys()->NewIterator());
-  for (walk->GoToFirstCell(); !walk->IsDoneWithTraversal(); walk->GoToNextCell()) {
-    vtkIdType count = 0;
-    const vtkIdType* ids = nullptr;
-    walk->GetCurrentCell(count, ids);
+  const bool turned = frame.handedness() < 0.0;
+  surface.triangles.reserve(static_cast<std::size_t>(data.GetNumberOfPolys()));
+  vtkCellArray& polygons = *data.GetPolys();
+  vtkIdType count = 0;
+  const vtkIdType* ids = nullptr;
+  for (vtkIdType t = 0; t < data.GetNumberOfPolys(); ++t) {
+    polygons.GetCellAtId(t, count, ids);
     surface.triangles.push_back(
         {static_cast<int>(ids[0]), static_cast<int>(ids[1]), static_cast<int>(ids[2])});
+    if (turned) std::swap(surface.triangles.back()[1], surface.triangles.back()[2]);
   }
   surface.labels.assign(surface.triangles.size(), label);
-  if (check(surface).volume < 0.0)
-    for (auto& t : surface.triangles) std::swap(t[1], t[2]);
   return surface;
 }
 
-Distance distance_from_voxels(const Frame& frame, const std::vector<std::uint8_t>& mask,
-                              const SurfaceMesh& surface) {
-  const auto data = as_poly_data(surface);
-  vtkNew<vtkStaticCellLocator> locator;
-  locator->SetDataSet(data);
-  locator->BuildLocator();
-  vtkNew<vtkGenericCell> cell;
-  Distance result;
-  double sum = 0.0;
-  std::size_t faces = 0;
-  const std::array<std::size_t, 3> step{1, static_cast<std::size_t>(frame.size[0]),
-                                        frame.index(0, 0, 1)};
-  for (int k = 0; k < frame.size[2]; ++k)
-    for (int j = 0; j < frame.size[1]; ++j)
-      for (int i = 0; i < frame.size[0]; ++i)
-        for (int a = 0; a < 3; ++a) {
-          const std::array<int, 3> at{i, j, k};
-          const std::size_t v = frame.index(i, j, k);
-          if (at[a] + 1 == frame.size[a] || mask[v] == mask[v + step[a]]) continue;
-          std::array<double, 3> p;
-          for (int c = 0; c < 3; ++c) p[c] = (at[c] + (c == a ? 0.5 : 0.0)) * frame.spacing[c];
-          p = frame.to_lps(p);
-          double closest[3], squared = 0.0;
-          vtkIdType id = 0;
-          int sub = 0;
-          locator->FindClosestPoint(p.data(), closest, cell, id, sub, squared);
-          sum += squared;
-          ++faces;
-          if (std::sqrt(squared) <= result.max) continue;
-          result.max = std::sqrt(squared);
-          result.place = p;
-        }
-  result.rms = faces > 0 ? std::sqrt(sum / static_cast<double>(faces)) : 0.0;
-  return result;
+MatchedSurface match_volume(const Mask& mask, const Field& field, int label, double min_shell) {
+  const double wanted = mask.volume();
+  auto [level, slope] = guess_level(mask, field);
+  double low = 0.0, high = 1.0;  // between these lies the level: the volume falls as it rises
+  MatchedSurface best;
+  double best_error = HUGE_VAL, last_level = 0.0, last_error = 0.0;
+  for (int round = 0; round < rounds; ++round) {
+    auto found = without_small_shells(contour(mask.frame, field, level, label), label, min_shell);
+    found.level = level;
+    const double error = enclosed_volume(found.surface) - wanted;
+    if (std::abs(error) < std::abs(best_error)) {
+      best = std::move(found);
+      best_error = error;
+    }
+    if (std::abs(error) <= close_enough * wanted || high - low < 1e-6) break;
+    (error > 0.0 ? low : high) = level;
+    // The secant, unless shells that come and go make the volume jump.
+    const double secant = round > 0 ? -(error - last_error) / (level - last_level) : slope;
+    if (secant > 0.0) slope = secant;
+    const double next = level + std::clamp(error / slope, -longest_step, longest_step);
+    last_level = level;
+    last_error = error;
+    level = next > low && next < high ? next : 0.5 * (low + high);
+  }
+  return best;
+}
+
+MatchedSurface discrete(const Mask& mask, int label, double min_shell) {
+  const Field field(mask.inside.begin(), mask.inside.end());
+  return without_small_shells(contour(mask.frame, field, 0.5, label), label, min_shell);
 }
 
 }  // namespace viscera

@@ -1,5 +1,5 @@
-// Per label: a Gaussian field of its mask, the level that encloses the volume of its voxels, the
-// contour at that level, and the small shells that smoothing left dropped and counted. Surfaces of
+// Per label: a Gaussian field of its mask, the contour at the level that encloses the volume of its
+// voxels, small shells dropped and counted, and what thin parts that lost, with places. Surfaces of
 // neighbouring labels are independent; where one shared interface is needed, viscera-tetmesh makes
 // it from the labels.
 #include "stages/surface/stage.hpp"
@@ -9,12 +9,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
 #include "stages/common/image_io.hpp"
 #include "stages/common/surface_io.hpp"
 #include "stages/surface/contour.hpp"
+#include "stages/surface/defects.hpp"
+#include "stages/surface/distance.hpp"
+#include "stages/surface/remesh.hpp"
+#include "stages/surface/thin_parts.hpp"
 
 namespace viscera {
 namespace {
@@ -23,89 +28,170 @@ std::vector<Param> params() {
   return {
       quantity("sigma", nullptr, "mm", 0.01, 20.0,
                "Gaussian that removes the staircase; unset: 0.8 of the largest voxel spacing"),
+      {.name = "keep_thin",
+       .type = ParamType::boolean,
+       .fallback = true,
+       .doc = "a Gaussian of half the width around sheets and strands that sigma would swallow"},
       quantity("min_shell", "0.02 ml", "ml", 0.0, 1000.0,
                "closed shells and cavities of less volume are dropped"),
       {.name = "body",
        .type = ParamType::boolean,
        .fallback = true,
        .doc = "with several labels, also the surface of the whole body under id 0"},
-      quantity("max_volume_error", "1 %", "1", 0.0, 1.0,
+      {.name = "method",
+       .type = ParamType::text,
+       .fallback = "smooth",
+       .choices = {"smooth", "discrete"},
+       .doc = "the smoothed label's contour that keeps its volume, or discrete marching cubes (the "
+              "staircase), for comparison"},
+      quantity(
+          "lost_beyond", nullptr, "mm", 0.0, 1000.0,
+          "voxels whose faces lie farther from the surface are listed as lost; unset: two of the "
+          "largest voxel spacing"),
+      quantity("max_lost", nullptr, "mm", 0.0, 1000.0,
+               "gate: the farthest voxel face from its surface; unset: none"),
+      quantity("edge", nullptr, "mm", 0.01, 1000.0,
+               "collapse shorter edges than this; unset: the triangles of the contour"),
+      quantity(
+          "edge_distance", nullptr, "mm", 0.001, 1000.0,
+          "bound on the Hausdorff distance between contour and remeshed surface, for which edges "
+          "are shortened; unset: half of the largest voxel spacing"),
+      quantity("max_volume_error", "0.2 %", "1", 0.0, 1.0,
                "gate: volume of each surface against its voxels"),
   };
 }
 
-struct Dropped {
-  std::size_t shells = 0;
-  double volume = 0.0;  // mm3
+struct Settings {
+  double sigma = 0.0, lost_beyond = 0.0;   // mm
+  double min_shell = 0.0;                  // mm3
+  double edge = 0.0, edge_distance = 0.0;  // mm; no edge: no remeshing
+  bool keep_thin = true, discrete = false;
 };
 
-Dropped drop_small_shells(SurfaceMesh& surface, double min_volume) {
-  Dropped dropped;
-  SurfaceMesh kept{.points = surface.points, .label_names = surface.label_names};
-  const int label = surface.labels.empty() ? 0 : surface.labels.front();
-  for (const auto& shell : find_shells(surface)) {
-    if (std::abs(shell.volume) < min_volume) {
-      ++dropped.shells;
-      dropped.volume += std::abs(shell.volume);
-      log::warn("dropped a shell of {:.3g} ml near ({:.1f}, {:.1f}, {:.1f}) mm",
-                shell.volume / 1000.0, shell.place[0], shell.place[1], shell.place[2]);
-      continue;
-    }
-    for (const int t : shell.triangles) kept.triangles.push_back(surface.triangles[t]);
+Json deviation_json(const Deviation& deviation) {
+  return {{"rms_mm", deviation.rms}, {"max_mm", deviation.max}, {"max_at", deviation.place}};
+}
+
+// The farthest of the thin parts that smoothing swallowed, and how many there are.
+Json lost_json(const std::vector<LostPart>& lost) {
+  constexpr std::size_t listed = 20;
+  Json list = Json::array();
+  for (std::size_t part = 0; part < std::min(lost.size(), listed); ++part) {
+    list.push_back({{"distance_mm", lost[part].distance},
+                    {"voxels", lost[part].voxels},
+                    {"place_mm", lost[part].place}});
   }
-  kept.labels.assign(kept.triangles.size(), label);
-  if (dropped.shells > 0) surface = extract(kept, label);
-  return dropped;
+  return {{"parts", lost.size()}, {"farthest", list}};
+}
+
+void report_lost(const std::string& name, const MatchedSurface& made,
+                 const std::vector<LostPart>& lost, double beyond) {
+  if (made.dropped > 0) {
+    const auto& p = made.dropped_at.front();
+    log::warn(
+        "{}: {} shells of {:.3g} ml in all were dropped, the first near ({:.1f}, {:.1f}, "
+        "{:.1f}) mm",
+        name, made.dropped, made.dropped_volume / 1000.0, p[0], p[1], p[2]);
+  }
+  if (lost.empty()) return;
+  const auto& p = lost.front().place;
+  log::warn(
+      "{}: {} thin parts are lost, more than {:.3g} mm from the surface; the farthest, {:.1f} "
+      "mm, near ({:.1f}, {:.1f}, {:.1f}) mm",
+      name, lost.size(), beyond, lost.front().distance, p[0], p[1], p[2]);
+}
+
+// The field lives here only: it is as large as all the rest.
+MatchedSurface surface_of(const Mask& mask, int label, const Settings& settings,
+                          std::size_t& thin_voxels) {
+  if (settings.discrete) return discrete(mask, label, settings.min_shell);
+  KeptThin kept;
+  if (settings.keep_thin) {
+    kept = smooth_keeping_thin(mask, settings.sigma);
+  } else {
+    kept.field = smooth(mask.frame, mask.inside, settings.sigma);
+  }
+  thin_voxels = kept.voxels;
+  return match_volume(mask, kept.field, label, settings.min_shell);
+}
+
+// Fewer triangles, where asked for; returns what is to be reported of it.
+Json coarsen(MatchedSurface& made, const std::string& name, const Settings& settings) {
+  if (settings.edge == 0.0) return nullptr;
+  Remeshed remeshed = remesh(made.surface, settings.edge, settings.edge_distance);
+  if (remeshed.edge < settings.edge) {
+    log::warn("{}: triangles of {:.3g} mm are too coarse to stay within {:.3g} mm: {}", name,
+              settings.edge, settings.edge_distance,
+              remeshed.edge > 0.0 ? fmt::format("{:.3g} mm", remeshed.edge) : "left as they are");
+  }
+  made.surface = std::move(remeshed.surface);
+  return {{"edge_mm", remeshed.edge}, {"distance_mm", remeshed.distance}};
 }
 
 // The surface of one label (the whole body for id 0), with its metrics and gates.
 SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, const std::string& name,
-                         double sigma) {
-  const auto mask = mask_of(image, label);
-  const double voxel_mm3 =
-      static_cast<double>(std::count(mask.begin(), mask.end(), 1)) * image.frame.voxel_volume();
-  const Field field = smooth(image.frame, mask, sigma);
-  double level = matched_level(image.frame, field, voxel_mm3);
-  SurfaceMesh surface = contour(image.frame, field, level, label);
-  // Flat triangles cut the corners of the trilinear field: aim once more, past the target.
-  level = matched_level(image.frame, field, voxel_mm3 * voxel_mm3 / check(surface).volume);
-  surface = contour(image.frame, field, level, label);
+                         const Settings& settings) {
+  const Mask mask = mask_around(image, label, 4.0 * settings.sigma);
+  std::size_t thin_voxels = 0;
+  MatchedSurface made = surface_of(mask, label, settings, thin_voxels);
+  SurfaceMesh& surface = made.surface;
   surface.label_names = {{label, name}};
-  const Dropped dropped = drop_small_shells(surface, 1000.0 * run.param<double>("min_shell"));
+  const Json remeshed = coarsen(made, name, settings);
+  auto crossing =
+      std::async(std::launch::async, [&surface] { return self_intersections(surface).size(); });
   const SurfaceCheck found = check(surface);
-  const Distance distance = distance_from_voxels(image.frame, mask, surface);
-  const double error = found.volume / voxel_mm3 - 1.0;
+  const auto distance = boundary_distance(mask, surface, settings.lost_beyond);
+  const std::size_t crossings = crossing.get();
+  const double error = found.volume / mask.volume() - 1.0;
   log::info("{}: {} triangles, {:.2f} ml ({:+.3f} %), rms {:.2f} mm, farthest voxel {:.1f} mm",
-            name, surface.triangles.size(), found.volume / 1000.0, 100.0 * error, distance.rms,
-            distance.max);
+            name, surface.triangles.size(), found.volume / 1000.0, 100.0 * error,
+            distance.to_surface.rms, distance.to_surface.max);
+  report_lost(name, made, distance.lost, settings.lost_beyond);
   run.metric(name, Json{{"id", label},
                         {"triangles", surface.triangles.size()},
                         {"shells", found.shells},
-                        {"shells_dropped", dropped.shells},
-                        {"dropped_ml", dropped.volume / 1000.0},
-                        {"level", level},
+                        {"shells_dropped", made.dropped},
+                        {"dropped_ml", made.dropped_volume / 1000.0},
+                        {"level", made.level},
                         {"ml", found.volume / 1000.0},
-                        {"voxel_ml", voxel_mm3 / 1000.0},
+                        {"voxel_ml", mask.volume() / 1000.0},
                         {"volume_error", error},
                         {"area_mm2", found.area},
                         {"open_edges", found.open_edges},
                         {"non_manifold_edges", found.non_manifold_edges},
                         {"misoriented_edges", found.misoriented_edges},
                         {"degenerate_triangles", found.degenerate},
-                        {"voxel_distance_rms_mm", distance.rms},
-                        {"voxel_distance_max_mm", distance.max},
-                        {"voxel_distance_max_at", distance.place}});
-  run.gate(name + ".open_edges", static_cast<double>(found.open_edges), "<=", 0.0);
-  run.gate(name + ".non_manifold_edges",
-           static_cast<double>(found.non_manifold_edges + found.misoriented_edges), "<=", 0.0);
+                        {"self_intersections", crossings},
+                        {"voxels_to_surface", deviation_json(distance.to_surface)},
+                        {"surface_to_voxels", deviation_json(distance.to_voxels)},
+                        {"remeshed", remeshed},
+                        {"thin_voxels", thin_voxels},
+                        {"lost", lost_json(distance.lost)}});
+  const auto none = [&](const char* what, std::size_t count) {
+    run.gate(name + what, static_cast<double>(count), "<=", 0.0);
+  };
+  none(".open_edges", found.open_edges);
+  none(".non_manifold_edges", found.non_manifold_edges + found.misoriented_edges);
+  none(".degenerate_triangles", found.degenerate);
+  none(".self_intersections", crossings);
   run.gate(name + ".volume_error", std::abs(error), "<=", run.param<double>("max_volume_error"));
-  return surface;
+  if (run.has_param("max_lost"))
+    run.gate(name + ".lost", distance.to_surface.max, "<=", run.param<double>("max_lost"), "mm");
+  return std::move(made.surface);
 }
 
 void run_surface(StageRun& run) {
   const LabelImage image = read_image(run.input("labels")).image;
-  const double sigma =
-      run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(image.frame);
+  const double voxel = *std::max_element(image.frame.spacing.begin(), image.frame.spacing.end());
+  const Settings settings{
+      .sigma = run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(image.frame),
+      .lost_beyond = run.has_param("lost_beyond") ? run.param<double>("lost_beyond") : 2.0 * voxel,
+      .min_shell = 1000.0 * run.param<double>("min_shell"),
+      .edge = run.has_param("edge") ? run.param<double>("edge") : 0.0,
+      .edge_distance =
+          run.has_param("edge_distance") ? run.param<double>("edge_distance") : 0.5 * voxel,
+      .keep_thin = run.param<bool>("keep_thin"),
+      .discrete = run.param<std::string>("method") == "discrete"};
   std::map<int, std::string> names;
   for (const int id : image.voxels) {
     if (id == 0 || names.count(id)) continue;
@@ -125,10 +211,10 @@ void run_surface(StageRun& run) {
   for (const auto& [id, name] : names) {
     log::progress("surfaces", static_cast<double>(done++) / static_cast<double>(names.size()),
                   name);
-    append(surface, make_surface(run, image, id, name, sigma));
+    append(surface, make_surface(run, image, id, name, settings));
   }
   log::progress("surfaces", 1.0);
-  run.metric("sigma", sigma, "mm");
+  run.metric("sigma", settings.sigma, "mm");
   run.metric("triangles", surface.triangles.size());
   write_vtp(run.out("surface.vtp"), surface);
 }
@@ -138,7 +224,7 @@ void run_surface(StageRun& run) {
 Stage surface_stage() {
   Stage stage;
   stage.info = {.name = "surface",
-                .version = "1",
+                .version = "2",
                 .doc = "A label volume to one smooth closed surface per label.",
                 .inputs = {{.role = "labels",
                             .doc = "labels.nrrd of viscera-labels (background around each label)"}},

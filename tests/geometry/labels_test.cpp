@@ -1,16 +1,16 @@
 #include <gtest/gtest.h>
-#include <zlib.h>
 
 #include <cmath>
-#include <cstring>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "stages/common/image_io.hpp"
 #include "stages/common/label_components.hpp"
+#include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"
 #include "stages/labels/stage.hpp"
 #include "tests/geometry/shapes.hpp"
+#include "tests/images/image_bytes.hpp"
 
 namespace viscera {
 namespace {
@@ -18,29 +18,10 @@ namespace {
 namespace fs = std::filesystem;
 using testing::run_stage;
 
-// A NIfTI-1 file by hand: int16 voxels of value `value` in an 8 x 6 x 4 block, and an sform.
 std::string nifti(const std::array<float, 12>& sform, std::int16_t value = 1, float scale = 1.0f) {
-  std::string bytes(352 + 2 * 8 * 6 * 4, '\0');
-  const auto put = [&bytes](std::size_t at, auto number) {
-    std::memcpy(&bytes[at], &number, sizeof number);
-  };
-  put(0, std::int32_t{348});
-  const std::int16_t dimensions[] = {3, 8, 6, 4, 1, 1, 1, 1};
-  for (std::size_t d = 0; d < 8; ++d) put(40 + 2 * d, dimensions[d]);
-  put(70, std::int16_t{4});   // int16
-  put(72, std::int16_t{16});  // bits
-  for (std::size_t d = 0; d < 4; ++d) put(76 + 4 * d, 1.0f);
-  put(108, 352.0f);
-  put(112, scale);
-  put(123, char{2});          // mm
-  put(254, std::int16_t{1});  // sform code
-  for (std::size_t s = 0; s < 12; ++s) put(280 + 4 * s, sform[s]);
-  std::memcpy(&bytes[344], "n+1", 4);
-  for (int k = 1; k < 3; ++k)
-    for (int j = 2; j < 4; ++j)
-      for (int i = 2; i < 6; ++i)
-        put(static_cast<std::size_t>(352 + 2 * ((k * 6 + j) * 8 + i)), value);
-  return bytes;
+  testing::NiftiFile file(sform, value);
+  file.header.scl_slope = scale;
+  return file.bytes();
 }
 
 class Labels : public ::testing::Test {
@@ -76,7 +57,7 @@ TEST_F(Labels, AVolumeSurvivesTheWayThroughNrrdWithItsObliqueFrameAndNames) {
   EXPECT_EQ(read.image.names, image.names);
   for (int d = 0; d < 9; ++d)
     EXPECT_NEAR(read.image.frame.direction[d], image.frame.direction[d], 1e-12);
-  EXPECT_EQ(read.notes.frame_shift_mm, 0.0);
+  EXPECT_EQ(read.notes.repair.shift_mm, 0.0);
 }
 
 TEST_F(Labels, NiftiIsTurnedFromRasToLps) {
@@ -98,8 +79,8 @@ TEST_F(Labels, ASlightlySkewedNiftiIsRepairedAboutItsCentreAndReported) {
       const double dot = d[a] * d[b] + d[3 + a] * d[3 + b] + d[6 + a] * d[6 + b];
       EXPECT_NEAR(dot, a == b ? 1.0 : 0.0, 1e-9);
     }
-  EXPECT_GT(read.notes.frame_shift_mm, 0.01);
-  EXPECT_LT(read.notes.frame_shift_mm, 0.5);
+  EXPECT_GT(read.notes.repair.shift_mm, 0.01);
+  EXPECT_LT(read.notes.repair.shift_mm, 0.5);
   // The centre of the volume, by the file's own affine: RAS index (3.5, 2.5, 1.5).
   const std::array<double, 3> centre{-(2 * 3.5 + 0.03 * 2.5 + 10), -(2 * 2.5 + 0.03 * 1.5 + 20),
                                      2 * 1.5 + 30};
@@ -142,12 +123,8 @@ TEST_F(Labels, FilesThatAreNoLabelVolumesAreRefusedAndLeaveNothing) {
   expect_refused(run(write("cut.nii", nifti(straight).substr(0, 500))), "cut.nii");
   const std::string whole = read_file(write("whole.nrrd", testing::nested_balls()));
   expect_refused(run(write("cut.nrrd", whole.substr(0, whole.size() / 2))), "cut.nrrd");
-  gzFile zipped = gzopen((folder_.path() / "whole.nii.gz").c_str(), "wb");
-  const std::string volume = nifti(straight);
-  gzwrite(zipped, volume.data(), static_cast<unsigned>(volume.size()));
-  gzclose(zipped);
-  EXPECT_EQ(read_image(folder_.path() / "whole.nii.gz").image.frame.size[0], 8);
-  const std::string gz = read_file(folder_.path() / "whole.nii.gz");
+  const std::string gz = testing::gzip(nifti(straight));
+  EXPECT_EQ(read_image(write("whole.nii.gz", gz)).image.frame.size[0], 8);
   expect_refused(run(write("cut.nii.gz", gz.substr(0, gz.size() - 12))), "truncated");
   write("cut.raw", std::string(500, '\1'));
   const auto header = write("cut.mhd",
@@ -177,9 +154,11 @@ TEST_F(Labels, ALabelThatDoesNotOccurIsNamedWithThoseThatDo) {
   const auto volume = write("a.nrrd", testing::nested_balls());
   const auto outcome = run(volume, {"labels={liver: 1, spleen: 7}"});
   expect_refused(outcome, "labels.spleen");
-  EXPECT_NE(outcome.log.find("1, 2"), std::string::npos) << outcome.log;
+  EXPECT_NE(outcome.log.find("1 liver, 2 tumour"), std::string::npos) << outcome.log;
+  expect_refused(run(volume, {"labels={liver: spleen}"}), "name \"spleen\" does not occur");
   EXPECT_EQ(run(volume, {"labels={liver: 1, tumour: [2, 1]}"}).code, 3);
-  EXPECT_EQ(run(volume, {"labels={liver: one}"}).code, 3);
+  EXPECT_EQ(run(volume, {"labels={liver: 1, tumour: liver}"}).code, 3);
+  EXPECT_EQ(run(volume, {"labels={liver: 1.5}"}).code, 3);
 }
 
 TEST_F(Labels, ABodyCutByTheBorderWarnsWithTheAreaOrFailsTheGate) {
@@ -209,7 +188,7 @@ TEST(Clean, SpecksAndHolesGoToTheNeighbourTheyShareMostFacesWith) {
   at(8, 8, 8) = 2;     // a speck inside
   at(1, 1, 1) = 2;     // a speck outside
   Cleaning cleaning;
-  absorb_specks(image, 5, cleaning);
+  absorb_specks(image, 5, false, cleaning);
   EXPECT_EQ(at(10, 10, 10), 1);
   EXPECT_EQ(at(8, 8, 8), 1);
   EXPECT_EQ(at(1, 1, 1), 0);
@@ -238,6 +217,39 @@ TEST(Clean, OnlyTheLargestBodyStaysAndItsPlaceIsKept) {
                                            (6.0 - offset[2]) * frame.spacing[2]});
   for (int a = 0; a < 3; ++a) EXPECT_NEAR(before[a], after[a], 1e-12);
   EXPECT_EQ(count_labels(cropped), count_labels(image));
+}
+
+TEST(Clean, AllCavitiesAreFilledAndOnlyTheLargestOfEachLabelStaysWhereAsked) {
+  LabelImage image = testing::draw(24, {1, 1, 1}, [](double x, double y, double z) {
+    const double r = std::hypot(x, y, z);
+    if (std::hypot(x - 4, y, z) < 2.0 || std::hypot(x + 5, y, z) < 1.5) return 2;
+    return r < 10.0 && std::hypot(x, y - 5, z) > 3.0 ? 1 : 0;
+  });
+  LabelImage open = image;
+  Cleaning cleaning;
+  absorb_specks(open, 5, false, cleaning);
+  EXPECT_EQ(cleaning.cavities_filled.components, 0u);
+  absorb_specks(image, 5, true, cleaning);
+  EXPECT_EQ(cleaning.cavities_filled.components, 1u);
+  EXPECT_GT(cleaning.cavities_filled.voxels, 100u);
+  keep_largest_of_each(image, cleaning);
+  EXPECT_EQ(cleaning.specks_absorbed.components, 1u);  // the smaller ball of 2, into 1
+  EXPECT_EQ(find_components(image).list.size(), 3u);   // background, 1, 2
+}
+
+TEST(Clean, ABodyThatHangsOnAThinBridgeIsReportedWithItsPlaceAndSize) {
+  LabelImage image = testing::draw(40, {1, 1, 1}, [](double x, double y, double z) {
+    const bool bridge = std::hypot(y, z) < 1.2 && std::abs(x) < 10;
+    return std::hypot(x - 11, y, z) < 7 || std::hypot(x + 11, y, z) < 5.5 || bridge ? 1 : 0;
+  });
+  const auto bridges = find_bridges(image, 5.0, 20);
+  ASSERT_EQ(bridges.size(), 1u);
+  const auto place = image.frame.from_lps(bridges[0].place);
+  EXPECT_NEAR(place[0], 19.5, 5.0);
+  EXPECT_NEAR(place[1], 19.5, 1.0);
+  EXPECT_GT(bridges[0].area_mm2, 2.0);
+  EXPECT_LT(bridges[0].area_mm2, 9.0);
+  EXPECT_TRUE(find_bridges(image, 1.0, 20).empty());
 }
 
 TEST_F(Labels, ARealSegmentationBecomesOneBodyWithItsTumours) {

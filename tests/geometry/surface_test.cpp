@@ -9,7 +9,11 @@
 #include "stages/common/label_field.hpp"
 #include "stages/common/surface_io.hpp"
 #include "stages/surface/contour.hpp"
+#include "stages/surface/defects.hpp"
+#include "stages/surface/distance.hpp"
+#include "stages/surface/remesh.hpp"
 #include "stages/surface/stage.hpp"
+#include "stages/surface/thin_parts.hpp"
 #include "tests/geometry/shapes.hpp"
 
 namespace viscera {
@@ -46,23 +50,108 @@ TEST(Surface, ABallIsClosedOutwardAndOfItsVolumeInMirroredFramesToo) {
   for (const double mirror : {1.0, -1.0}) {
     LabelImage image = testing::nested_balls(20.0, 0.0);
     image.frame.direction = {0.8, -0.6, 0, 0.6, 0.8, 0, 0, 0, mirror};
-    const auto mask = mask_of(image, 0);
-    const double volume =
-        static_cast<double>(std::count(mask.begin(), mask.end(), 1)) * image.frame.voxel_volume();
-    const Field field = smooth(image.frame, mask, 1.0);
-    const auto surface = contour(image.frame, field, matched_level(image.frame, field, volume), 1);
+    const Mask mask = mask_around(image, 0, 4.0);
+    const double volume = mask.volume();
+    const Field field = smooth(mask.frame, mask.inside, 1.0);
+    const auto surface = match_volume(mask, field, 1, 0.0).surface;
     const auto found = check(surface);
     EXPECT_EQ(found.open_edges + found.non_manifold_edges + found.misoriented_edges, 0u);
     EXPECT_EQ(found.shells, 1u);
-    EXPECT_NEAR(found.volume / volume, 1.0, 2e-3);
+    EXPECT_NEAR(found.volume / volume, 1.0, 2e-5);
+    EXPECT_EQ(found.degenerate, 0u);
+    EXPECT_TRUE(self_intersections(surface).empty());
     EXPECT_NEAR(found.area / (4.0 * std::numbers::pi * 400.0), 1.0, 0.02);
     const double reach = 23.5;  // the middle of the 48 voxels
     const auto centre = image.frame.to_lps({reach * 1.1, reach * 1.0, reach * 1.25});
     for (const auto& p : surface.points) {
       EXPECT_NEAR(std::hypot(p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]), 20.0, 1.0);
     }
-    EXPECT_LT(distance_from_voxels(image.frame, mask, surface).rms, 0.6);
+    const auto distance = boundary_distance(mask, surface, 2.5);
+    EXPECT_LT(distance.to_surface.rms, 0.45);
+    EXPECT_LT(distance.to_voxels.rms, 0.45);
+    EXPECT_TRUE(distance.lost.empty());
   }
+}
+
+// A ball with a sheet and a strand of one voxel on it, and a slot of one voxel in it.
+LabelImage with_thin_parts() {
+  return testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
+    if (std::abs(x) < 0.6 && y > 4) return 0;
+    const bool sheet = std::abs(z) < 0.7 && std::abs(x) < 18 && std::abs(y) < 8;
+    const bool strand = std::abs(x) < 0.6 && std::abs(y - 0.5) < 0.5 && z < 0 && z > -25;
+    return std::hypot(x, y, z) < 11 || sheet || strand ? 1 : 0;
+  });
+}
+
+TEST(Surface, SheetsStrandsAndSlotsOfOneVoxelAreKeptOrListedWithTheirPlaces) {
+  const LabelImage image = with_thin_parts();
+  const Mask mask = mask_around(image, 1, 4.0);
+  const auto lost = boundary_distance(
+      mask, match_volume(mask, smooth(mask.frame, mask.inside, 1.0), 1, 0.0).surface, 2.5);
+  ASSERT_FALSE(lost.lost.empty());
+  const auto& worst = lost.lost.front();  // the strand's end, below the ball
+  EXPECT_GT(worst.distance, 8.0);
+  const auto place = image.frame.from_lps(worst.place);
+  EXPECT_LT(place[2] - 23.5 * 1.25, -20.0);
+  EXPECT_NEAR(worst.distance, lost.to_surface.max, 1e-9);
+
+  const auto kept_field = smooth_keeping_thin(mask, 1.0);
+  EXPECT_GT(kept_field.voxels, 10u);
+  const auto surface = match_volume(mask, kept_field.field, 1, 0.0).surface;
+  const auto kept = boundary_distance(mask, surface, 2.5);
+  EXPECT_TRUE(kept.lost.empty());
+  EXPECT_LT(kept.to_surface.rms, 0.45);
+  EXPECT_TRUE(self_intersections(surface).empty());
+}
+
+TEST(Surface, WhatLiesOnTheLevelGivesNoDegenerateTriangleAndNoCrossing) {
+  // A box whose sides pass through voxel centres: half of all values lie on the level.
+  LabelImage image = testing::draw(20, {1, 1, 1}, [](double x, double y, double z) {
+    return std::max({std::abs(x), std::abs(y), std::abs(z)}) < 6 ? 1 : 0;
+  });
+  const Mask mask = mask_around(image, 1, 3.0);
+  Field field(mask.inside.begin(), mask.inside.end());
+  const std::size_t nx = mask.frame.size[0];
+  for (std::size_t v = 1; v < field.size(); ++v)
+    if (mask.inside[v] && (!mask.inside[v - 1] || !mask.inside[v - nx])) field[v] = 0.5f;
+  const auto surface = contour(mask.frame, field, 0.5, 1);
+  const auto found = check(surface);
+  EXPECT_EQ(found.degenerate + found.open_edges + found.non_manifold_edges, 0u);
+  EXPECT_TRUE(self_intersections(surface).empty());
+}
+
+TEST(Surface, RemeshingKeepsVolumeAndSoundnessWithinTheBoundAndShortensEdgesForIt) {
+  const LabelImage image = with_thin_parts();
+  const Mask mask = mask_around(image, 1, 4.0);
+  const auto fine = match_volume(mask, smooth_keeping_thin(mask, 1.0).field, 1, 0.0).surface;
+  const auto coarse = remesh(fine, 2.5, 0.8);
+  ASSERT_GT(coarse.edge, 0.0);
+  EXPECT_LE(coarse.distance, 0.8);
+  EXPECT_LT(coarse.surface.triangles.size(), fine.triangles.size());
+  EXPECT_NEAR(enclosed_volume(coarse.surface) / enclosed_volume(fine), 1.0, 1e-6);
+  EXPECT_TRUE(self_intersections(coarse.surface).empty());
+  const auto found = check(coarse.surface);
+  EXPECT_EQ(found.open_edges + found.non_manifold_edges + found.degenerate, 0u);
+  const auto closer = remesh(fine, 2.5, 0.3);
+  EXPECT_LT(closer.edge, coarse.edge + 1e-12);
+  EXPECT_LE(closer.distance, 0.3);
+}
+
+TEST(Surface, CrossingAndFoldedTrianglesAreFound) {
+  SurfaceMesh two{.points = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {.5, .5, -1}, {.5, .5, 1}, {3, 3, 0}},
+                  .triangles = {{0, 1, 2}, {3, 4, 5}}};
+  EXPECT_EQ(self_intersections(two).size(), 1u);
+  two.points[3] = {.5, .5, .1};  // lifted off
+  EXPECT_TRUE(self_intersections(two).empty());
+  const SurfaceMesh folded{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {.2, .5, 0}},
+                           .triangles = {{0, 1, 2}, {1, 0, 3}}};
+  EXPECT_EQ(self_intersections(folded).size(), 1u);
+  const SurfaceMesh flat{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {.2, -.5, 0}},
+                         .triangles = {{0, 1, 2}, {1, 0, 3}}};
+  EXPECT_TRUE(self_intersections(flat).empty());
+  const SurfaceMesh corner{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {.5, .2, -1}, {.5, .2, 1}},
+                           .triangles = {{0, 1, 2}, {0, 3, 4}}};
+  EXPECT_EQ(self_intersections(corner).size(), 1u);
 }
 
 TEST(Surface, AnOpenOrTwistedSurfaceIsSeen) {
@@ -101,6 +190,22 @@ TEST(SurfaceStage, EveryLabelAndTheBodyGetAClosedSurfaceAndTheSameBytesTwice) {
               2e-3)
         << name;
   }
+}
+
+TEST(SurfaceStage, ALostPartFailsTheGateThatIsSetForItAndDiscreteMarchingCubesLosesNone) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  write_nrrd(folder.path() / "labels.nrrd", with_thin_parts());
+  const auto run = [&](const std::vector<std::string>& settings) {
+    std::vector<std::string> arguments{"--in", "labels=" + (folder.path() / "labels.nrrd").string(),
+                                       "--out", (folder.path() / "out").string()};
+    for (const auto& setting : settings) arguments.insert(arguments.end(), {"--set", setting});
+    return testing::run_stage(surface_stage(), arguments);
+  };
+  const auto failed = run({"keep_thin=false", "max_lost=5mm"});
+  EXPECT_EQ(failed.code, static_cast<int>(ExitCode::gate_failed)) << failed.log;
+  EXPECT_NE(failed.log.find("label_1.lost"), std::string::npos) << failed.log;
+  EXPECT_EQ(run({"max_lost=5mm"}).code, 0);
+  EXPECT_EQ(run({"method=discrete", "max_lost=0.7mm", "max_volume_error=5%"}).code, 0);
 }
 
 TEST(SurfaceStage, ABrokenFileIsRefusedByName) {
