@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages build run test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        bench-solver bench-mesh bench-surface fuzz
+        bench-solver bench-mesh bench-gpu bench-surface fuzz
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -69,6 +69,10 @@ $(BENCH)/mesh.vtu: build  # the phantom in 30k tets
 
 bench-solver: $(BENCH)/mesh.vtu ## what a substep costs on this machine, by method and threads
 	@$(BIN)/bench_solver $(BENCH)/mesh.vtu docs/results/solver_speed.csv
+
+BENCH_MESHES ?= $(BENCH)/mesh.vtu
+bench-gpu: $(BENCH)/mesh.vtu ## what accuracy costs on this machine's GPU, in motion and at rest: BENCH_MESHES
+	@mkdir -p out/bench && $(BIN)/bench_gpu out/bench/gpu.csv 5 0.45 1 $(BENCH_MESHES)
 
 BENCH_VOLUME ?= sample_data/phantom.nrrd
 BENCH_LABELS ?= {body: [1, 2, 3]}

@@ -1,0 +1,146 @@
+// The step that the CUDA backend runs in blocks, on the host: layout, linearised sweeps, and what
+// they must keep.
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "tests/backend/host_blocks.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+constexpr int tets_per_block = 60;
+
+double largest(const std::vector<Vec3<double>>& field) {
+  double result = 0.0;
+  for (const auto& a : field) result = std::max(result, norm(a));
+  return result;
+}
+double largest_difference(const State& a, const State& b) {
+  double result = 0.0;
+  for (std::size_t i = 0; i < a.u.size(); ++i) result = std::max(result, norm(a.u[i] - b.u[i]));
+  return result;
+}
+
+State after(Solver& solver, int frames) {
+  for (int frame = 0; frame < frames; ++frame) solver.advance_frame();
+  return solver.state();
+}
+
+Scene hanging_scene() {
+  Scene scene = elastic_scene();
+  scene.params<Gravity>().emplace_back();
+  Fixed::Params held;
+  held.side = "right";
+  scene.params<Fixed>().push_back(held);
+  return scene;
+}
+
+TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
+  const Model model = make_cube(5);
+  const Program<double> program(model, elastic_scene());
+  constexpr int lanes = 8, most_elements = 6;
+  const BlockLayout layout(model, program, tets_per_block, lanes, most_elements);
+  const auto elements =
+      layout.lay_out(std::get<Effects::index_of<NeoHookean>()>(program.effects)[0]);
+  std::vector<int> seen(model.tet_count());
+  for (const int e : elements.element_of) ++seen[e];
+  EXPECT_EQ(seen, std::vector<int>(model.tet_count(), 1));
+  for (int block = 0; block < layout.block_count(); ++block) {
+    const int copies = layout.copies_in(block).end - layout.copies_in(block).begin;
+    std::vector<int> met(copies);
+    for (int p = elements.block_phase[block]; p < elements.block_phase[block + 1]; ++p) {
+      std::set<int> in_phase;
+      const int begin = elements.phase_begin[p], end = elements.phase_begin[p + 1];
+      EXPECT_LE(end - begin, lanes);
+      for (int e = begin; e < end; ++e) {
+        for (int i = 0; i < 4; ++i) {
+          const int copy = elements.vertices[e][i];
+          EXPECT_TRUE(in_phase.insert(copy).second);
+          EXPECT_LE(++met[copy], most_elements);
+          EXPECT_EQ(layout.vertex_of(layout.copies_in(block).begin + copy),
+                    model.tets[elements.element_of[e]][i]);
+        }
+      }
+    }
+  }
+}
+
+TEST(BlockLayout, AVertexWithoutElementsHasACopy) {
+  const Model model = make_cube(3);
+  const Program<double> program(model, particle_scene());
+  const BlockLayout layout(model, program, tets_per_block, 32, 16);
+  EXPECT_EQ(layout.copy_count(), static_cast<int>(model.vertex_count()));
+}
+
+TEST(Blocks, ABodyWithoutForcesStaysStill) {
+  const Model model = make_cube(4);
+  HostBlocks<float> blocks(model, elastic_scene(), tets_per_block, true);
+  EXPECT_LE(largest(after(blocks, 20).u), 1e-9);
+}
+
+TEST(Blocks, AnAverageOfCopiesKeepsMomentum) {
+  const Model model = make_cube(4);
+  HostBlocks<double> blocks(model, elastic_scene(), tets_per_block, true, 6);
+  std::mt19937 generator(7);
+  State start{std::vector<Vec3<double>>(model.vertex_count()), {}};
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    start.v.push_back(random_vector(generator, 0.1));
+  }
+  const auto momentum = [&model](const State& state) {
+    Vec3<double> sum;
+    for (std::size_t i = 0; i < model.vertex_count(); ++i) sum += model.mass[i] * state.v[i];
+    return sum;
+  };
+  blocks.set_state(start);
+  const State end = after(blocks, 5);
+  EXPECT_LE(norm(momentum(end) - momentum(start)), 1e-12);
+  EXPECT_GT(largest_difference(end, start), 1e-3);
+}
+
+// Linearising where a sweep begins differs from evaluating anew at every element by the second order
+// in the sweep's corrections.
+TEST(Blocks, LinearisedElementsMoveAsThoseEvaluatedAnew) {
+  const Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
+  const Scene scene = hanging_scene();
+  HostBlocks<double> linearised(model, scene, tets_per_block, true);
+  HostBlocks<double> direct(model, scene, tets_per_block, false);
+  const State a = after(linearised, 20), b = after(direct, 20);
+  EXPECT_LE(largest_difference(a, b), 1e-3 * largest(b.u));
+  EXPECT_GT(largest_difference(a, b), 0.0);
+}
+
+TEST(Blocks, OneBlockIsGaussSeidel) {
+  const Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
+  Scene scene = drop_scene();
+  scene.params<Ground>()[0].clearance = 1e-3;
+  HostBlocks<double> one_block(model, scene, 1000000, false, 1000000);
+  const auto cpu = make_on_cpu(model, scene, {.precision = Precision::fp64});
+  EXPECT_LE(largest_difference(after(one_block, 10), after(*cpu, 10)), 1e-12);
+}
+
+TEST(Blocks, TheNumberOfLanesChangesNoBit) {
+  const Model model = make_cube(5);
+  Scene scene = drop_scene();
+  HostBlocks<float> narrow(model, scene, tets_per_block, true, 16, 8);
+  HostBlocks<float> wide(model, scene, tets_per_block, true, 16, 256);
+  EXPECT_EQ(after(narrow, 10).hash(), after(wide, 10).hash());
+}
+
+TEST(Blocks, OtherValuesGiveTheRunThatStartsWithThem) {
+  const Model model = make_cube(4);
+  Model stiff = model;
+  for (Material& material : stiff.materials) material.youngs_modulus *= 3.0;
+  Scene scene = drop_scene(), steep = scene;
+  steep.params<Gravity>()[0].acceleration = 5.0;
+  HostBlocks<float> changed(model, scene, tets_per_block, true);
+  const State middle = after(changed, 5);
+  changed.retune(stiff, steep);
+  HostBlocks<float> fresh(stiff, steep, tets_per_block, true);
+  fresh.set_state(middle);
+  EXPECT_EQ(after(changed, 5).hash(), after(fresh, 5).hash());
+}
+
+}  // namespace
+}  // namespace viscera::sim
