@@ -11,6 +11,19 @@
 
 namespace viscera::sim {
 
+// The lanes that sweep, and how many elements of an effect a copy of a vertex meets at most.
+// Measured (docs/results/cuda.md): where a phase costs its latency, few phases matter, and one warp
+// needs no barrier but its own; where blocks are large it costs its arithmetic.
+inline constexpr int one_warp = 32;
+struct Team {
+  int lanes, most_elements;
+};
+inline Team team_for(int tets_per_block) {
+  if (tets_per_block <= 640) return {one_warp, 16};
+  if (tets_per_block <= 2500) return {128, 16};
+  return {256, 40};
+}
+
 // An element's vertices, counted from its block's first copy; aligned to be loaded at once.
 template <int arity>
 struct alignas(arity % 4 == 0   ? 8
@@ -41,16 +54,11 @@ struct BlockElements {
 
 class BlockLayout {
  public:
-  // No copy meets more than `most_elements` of an effect: a busy vertex has several copies in one
-  // block, since every element that a copy meets is a phase of its own. A phase has `lanes`
-  // elements at most.
+  // A busy vertex has several copies in one block, none of which meets more than team.most_elements
+  // of an effect, since every element that a copy meets is a phase of its own.
   template <class T>
-  BlockLayout(const Model& model, const Program<T>& program, int tets_per_block, int lanes,
-              int most_elements)
-      : blocks_(model, tets_per_block),
-        split_(blocks_.count(), model.vertex_count()),
-        lanes_(lanes),
-        most_elements_(most_elements) {
+  BlockLayout(const Model& model, const Program<T>& program, int tets_per_block, Team team)
+      : blocks_(model, tets_per_block), split_(blocks_.count(), model.vertex_count()), team_(team) {
     std::vector<char> touched(model.vertex_count());
     std::vector<std::map<int, int>> parts(block_count());  // of the vertices with more than one
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
@@ -79,7 +87,7 @@ class BlockLayout {
   }
 
   int block_count() const { return blocks_.count(); }
-  int lanes() const { return lanes_; }
+  int lanes() const { return team_.lanes; }
   int copy_count() const { return split_.count(); }
   int vertex_of(int copy) const { return split_.vertex_of(copy); }
   std::span<const int> copies_of(int vertex) const { return split_.copies_of(vertex); }
@@ -168,17 +176,19 @@ class BlockLayout {
         auto& vertices = to.vertices.emplace_back();
         for (int i = 0; i < arity; ++i) vertices.index[i] = static_cast<std::uint16_t>(local[e][i]);
         const int size = static_cast<int>(to.element_of.size());
-        const bool full = size - to.phase_begin.back() == lanes_;
+        const bool full = size - to.phase_begin.back() == team_.lanes;
         if (full || at + 1 == color_end) to.phase_begin.push_back(size);
       }
     }
   }
 
-  int parts_of(int meetings) const { return (meetings + most_elements_ - 1) / most_elements_; }
+  int parts_of(int meetings) const {
+    return (meetings + team_.most_elements - 1) / team_.most_elements;
+  }
 
   Blocks blocks_;
   SplitVertices split_;
-  int lanes_, most_elements_;
+  Team team_;
 };
 
 }  // namespace viscera::sim

@@ -20,18 +20,6 @@ namespace {
 inline constexpr EffectSet tissue = effect_set<Gravity, Fixed, NeoHookean, Ground>;
 inline constexpr EffectSet damped_tissue = tissue | effect_set<Viscosity, Prescribed>;
 
-// The lanes that sweep, and how many elements of an effect a copy of a vertex meets at most.
-// Measured (docs/results/cuda.md): where a phase costs its latency, few phases matter, and one warp
-// needs no barrier but its own; where blocks are large it costs its arithmetic.
-constexpr int one_warp = 32;
-struct Team {
-  int lanes, most_elements;
-};
-Team team_for(int tets_per_block) {
-  if (tets_per_block <= 640) return {one_warp, 16};
-  if (tets_per_block <= 2500) return {128, 16};
-  return {256, 40};
-}
 constexpr int least_block = 150;  // tets: smaller blocks cost accuracy and are no faster
 constexpr int bounds_beyond = 4;  // of phases, in the table that a sweep reads ahead
 
@@ -415,8 +403,7 @@ class CudaBlocks final : public Solver {
   CudaBlocks(const Model& model, const Scene& scene, int tets_per_block, std::string name)
       : name_(std::move(name)),
         program_(model, scene),
-        layout_(model, program_, tets_per_block, team_for(tets_per_block).lanes,
-                team_for(tets_per_block).most_elements),
+        layout_(model, program_, tets_per_block, team_for(tets_per_block)),
         u_(layout_.copy_count()),
         v_(layout_.copy_count()),
         parcels_(2 * static_cast<std::size_t>(layout_.copy_count())) {

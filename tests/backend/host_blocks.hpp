@@ -13,10 +13,11 @@ namespace viscera::sim {
 template <class T>
 class HostBlocks final : public Solver {
  public:
-  HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized,
-             int most_elements = 24, int lanes = 32)
+  HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized)
+      : HostBlocks(model, scene, tets_per_block, linearized, team_for(tets_per_block)) {}
+  HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized, Team team)
       : program_(model, scene),
-        layout_(model, program_, tets_per_block, lanes, most_elements),
+        layout_(model, program_, tets_per_block, team),
         linearized_(linearized),
         rest_(layout_.copy_count()),
         v_(layout_.copy_count()),

@@ -3,7 +3,7 @@
 // mean squares over the vertices, in parts of the displacement's, against colour-by-colour
 // Gauss-Seidel in fp64 with many substeps on the same mesh: in motion at half a second, and at
 // rest.
-//   bench_gpu CSV E_kPa NU REST MESH.vtu…      REST 1: at rest too, which takes minutes
+//   bench_gpu CSV E_kPa NU MESH.vtu…
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,7 +12,6 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "sim/diagnostics.hpp"
 #include "sim/solvers/make.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/simulate/body.hpp"
@@ -80,30 +79,7 @@ Motion move(sim::Solver& solver, int frames) {
   return {solver.state(), ms[ms.size() / 2], ms[ms.size() / 4], ms[3 * ms.size() / 4]};
 }
 
-// To rest, the velocity taken away whenever the kinetic energy falls.
-State settle(sim::Solver& solver, const Model& model) {
-  double before = 0.0;
-  State state;
-  for (int frame = 0; frame < 1200; ++frame) {
-    solver.advance_frame();
-    state = solver.state();
-    double kinetic = 0.0, fastest = 0.0;
-    for (std::size_t i = 0; i < state.v.size(); ++i) {
-      kinetic += model.mass[i] * dot(state.v[i], state.v[i]);
-      fastest = std::max(fastest, norm(state.v[i]));
-    }
-    if (kinetic < before) {
-      if (fastest < 2e-4 && frame > 60) break;
-      std::ranges::fill(state.v, Vec3<double>{});
-      solver.set_state(state);
-      kinetic = 0.0;
-    }
-    before = kinetic;
-  }
-  return state;
-}
-
-void run(const sim::Material& material, const char* file, bool at_rest, std::string& csv) {
+void run(const sim::Material& material, const char* file, std::string& csv) {
   const Model model = held_body(file, material);
   sim::Scene scene;
   scene.params<sim::NeoHookean>().emplace_back();
@@ -115,12 +91,8 @@ void run(const sim::Material& material, const char* file, bool at_rest, std::str
   const sim::SolverOptions exact{.precision = Precision::fp64};
   const State reference = move(*make(exact, reference_substeps), motion_frames).end;
   const double size = root_mean_square(reference.u, nullptr);
-  State rest_reference;
-  if (at_rest) rest_reference = settle(*make(exact, 256), model);
-  const double rest_size = root_mean_square(rest_reference.u, nullptr);
-  fmt::print("{} tets, E {} kPa, nu {}; rms displacement {:.2f} mm, at rest {:.2f} mm\n",
-             model.tet_count(), material.youngs_modulus / 1e3, material.poisson_ratio, 1e3 * size,
-             1e3 * rest_size);
+  fmt::print("{} tets, E {} kPa, nu {}; rms displacement {:.2f} mm\n", model.tet_count(),
+             material.youngs_modulus / 1e3, material.poisson_ratio, 1e3 * size);
   for (const Row& row : rows()) {
     const auto made = std::chrono::steady_clock::now();
     const auto solver = make(row.options, row.substeps);
@@ -128,23 +100,17 @@ void run(const sim::Material& material, const char* file, bool at_rest, std::str
         std::chrono::duration<double>(std::chrono::steady_clock::now() - made).count();
     const Motion motion = move(*solver, motion_frames);
     const double error = root_mean_square(motion.end.u, &reference.u) / size;
-    double rest_error = std::nan("");
-    if (at_rest) {
-      const State rest = settle(*make(row.options, row.substeps), model);
-      rest_error = root_mean_square(rest.u, &rest_reference.u) / rest_size;
-    }
     const double us = 1e3 * motion.frame_ms / row.substeps;
     const std::string line = fmt::format(
         "{:<18} {:3} substeps {:8.3f} ms a frame ({:.3f}, {:.3f}) {:7.2f} us a substep, error "
-        "{:.3f} % in motion, {:.3f} % at rest, set-up {:.2f} s\n",
-        row.name, row.substeps, motion.frame_ms, motion.q1, motion.q3, us, 100.0 * error,
-        100.0 * rest_error, setup_s);
+        "{:.3f} %, set-up {:.2f} s\n",
+        row.name, row.substeps, motion.frame_ms, motion.q1, motion.q3, us, 100.0 * error, setup_s);
     std::fputs(line.c_str(), stdout);
     std::fflush(stdout);
-    csv += fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.3f},{:.4f},{:.4f},{:.3f}\n",
-                       model.tet_count(), material.youngs_modulus, material.poisson_ratio, row.name,
-                       row.substeps, motion.frame_ms, motion.q1, motion.q3, us, 100.0 * error,
-                       100.0 * rest_error, setup_s);
+    csv +=
+        fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.3f},{:.4f},{:.3f}\n", model.tet_count(),
+                    material.youngs_modulus, material.poisson_ratio, row.name, row.substeps,
+                    motion.frame_ms, motion.q1, motion.q3, us, 100.0 * error, setup_s);
   }
 }
 
@@ -152,14 +118,13 @@ void run(const sim::Material& material, const char* file, bool at_rest, std::str
 }  // namespace viscera
 
 int main(int argc, char** argv) {
-  if (argc < 6) return std::fputs("usage: bench_gpu CSV E_kPa NU REST MESH.vtu...\n", stderr), 2;
+  if (argc < 5) return std::fputs("usage: bench_gpu CSV E_kPa NU MESH.vtu...\n", stderr), 2;
   const viscera::sim::Material material{.youngs_modulus = 1e3 * std::atof(argv[2]),
                                         .poisson_ratio = std::atof(argv[3]),
                                         .density = 1060.0,
                                         .damping = 0.0};
   std::string csv =
-      "tets,E_Pa,nu,scheme,substeps,frame_ms,q1,q3,us_per_substep,error_motion_percent,"
-      "error_rest_percent,setup_s\n";
-  for (int i = 5; i < argc; ++i) viscera::run(material, argv[i], std::atoi(argv[4]) != 0, csv);
+      "tets,E_Pa,nu,scheme,substeps,frame_ms,q1,q3,us_per_substep,error_percent,setup_s\n";
+  for (int i = 4; i < argc; ++i) viscera::run(material, argv[i], csv);
   std::ofstream(argv[1]) << csv;
 }

@@ -41,7 +41,7 @@ TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
   const Model model = make_cube(5);
   const Program<double> program(model, elastic_scene());
   constexpr int lanes = 8, most_elements = 6;
-  const BlockLayout layout(model, program, tets_per_block, lanes, most_elements);
+  const BlockLayout layout(model, program, tets_per_block, {lanes, most_elements});
   const auto elements =
       layout.lay_out(std::get<Effects::index_of<NeoHookean>()>(program.effects)[0]);
   std::vector<int> seen(model.tet_count());
@@ -70,7 +70,7 @@ TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
 TEST(BlockLayout, AVertexWithoutElementsHasACopy) {
   const Model model = make_cube(3);
   const Program<double> program(model, particle_scene());
-  const BlockLayout layout(model, program, tets_per_block, 32, 16);
+  const BlockLayout layout(model, program, tets_per_block, {32, 16});
   EXPECT_EQ(layout.copy_count(), static_cast<int>(model.vertex_count()));
 }
 
@@ -82,7 +82,7 @@ TEST(Blocks, ABodyWithoutForcesStaysStill) {
 
 TEST(Blocks, AnAverageOfCopiesKeepsMomentum) {
   const Model model = make_cube(4);
-  HostBlocks<double> blocks(model, elastic_scene(), tets_per_block, true, 6);
+  HostBlocks<double> blocks(model, elastic_scene(), tets_per_block, true, {32, 6});
   std::mt19937 generator(7);
   State start{std::vector<Vec3<double>>(model.vertex_count()), {}};
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {
@@ -99,8 +99,8 @@ TEST(Blocks, AnAverageOfCopiesKeepsMomentum) {
   EXPECT_GT(largest_difference(end, start), 1e-3);
 }
 
-// Linearising where a sweep begins differs from evaluating anew at every element by the second order
-// in the sweep's corrections.
+// Linearising where a sweep begins differs from evaluating anew at every element by the second
+// order in the sweep's corrections.
 TEST(Blocks, LinearisedElementsMoveAsThoseEvaluatedAnew) {
   const Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
   const Scene scene = hanging_scene();
@@ -115,7 +115,7 @@ TEST(Blocks, OneBlockIsGaussSeidel) {
   const Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
   Scene scene = drop_scene();
   scene.params<Ground>()[0].clearance = 1e-3;
-  HostBlocks<double> one_block(model, scene, 1000000, false, 1000000);
+  HostBlocks<double> one_block(model, scene, 1000000, false, {32, 1000000});
   const auto cpu = make_on_cpu(model, scene, {.precision = Precision::fp64});
   EXPECT_LE(largest_difference(after(one_block, 10), after(*cpu, 10)), 1e-12);
 }
@@ -123,8 +123,8 @@ TEST(Blocks, OneBlockIsGaussSeidel) {
 TEST(Blocks, TheNumberOfLanesChangesNoBit) {
   const Model model = make_cube(5);
   Scene scene = drop_scene();
-  HostBlocks<float> narrow(model, scene, tets_per_block, true, 16, 8);
-  HostBlocks<float> wide(model, scene, tets_per_block, true, 16, 256);
+  HostBlocks<float> narrow(model, scene, tets_per_block, true, {8, 16});
+  HostBlocks<float> wide(model, scene, tets_per_block, true, {256, 16});
   EXPECT_EQ(after(narrow, 10).hash(), after(wide, 10).hash());
 }
 

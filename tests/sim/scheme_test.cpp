@@ -119,8 +119,8 @@ TEST(Options, ThatMakeNoSenseAreRefused) {
   const Model model = make_cube(1);
   const Scene scene = elastic_scene();
   for (const SolverOptions& options :
-       {SolverOptions{.iterations = 0}, SolverOptions{.split = 0.5}, SolverOptions{.block_tets = -1},
-        SolverOptions{.method = Method::pbd, .stiffness = 2.0},
+       {SolverOptions{.iterations = 0}, SolverOptions{.split = 0.5},
+        SolverOptions{.block_tets = -1}, SolverOptions{.method = Method::pbd, .stiffness = 2.0},
         SolverOptions{.method = Method::tled, .iterations = 2},
         SolverOptions{.method = Method::pbd}}) {
     EXPECT_THROW(make_on_cpu(model, scene, options), Refusal);
