@@ -39,7 +39,7 @@ stage-surface: build $(OUT)/labels/manifest.json ## viscera-surface, into out/st
 
 stage-tetmesh: build $(OUT)/surface/manifest.json ## viscera-tetmesh, into out/stages/tetmesh
 	$(BIN)/viscera-tetmesh --in labels=$(OUT)/labels/labels.nrrd \
-	  --in surface=$(OUT)/surface/surface.vtp --set cell_size=9.6mm --out $(OUT)/tetmesh
+	  --in surface=$(OUT)/surface/surface.vtp --set cell_size=10.3mm --out $(OUT)/tetmesh
 
 stage-simulate: build $(OUT)/tetmesh/manifest.json ## viscera-simulate, into out/stages/simulate
 	$(BIN)/viscera-simulate --in mesh=$(OUT)/tetmesh/mesh.vtu \

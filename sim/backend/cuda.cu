@@ -385,10 +385,11 @@ std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
                   "use device: cpu or auto");
   }
   if (const std::string lacks = what_cuda_lacks(scene, options); !lacks.empty()) {
-    throw Refusal(Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
-                  "xpbd by gauss_seidel or block_gauss_seidel with one iteration a substep, no region, "
-                  "no self-contact",
-                  "use device: cpu or auto");
+    throw Refusal(
+        Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
+        "xpbd by gauss_seidel or block_gauss_seidel with one iteration a substep, no region, "
+        "no self-contact",
+        "use device: cpu or auto");
   }
   if (options.scheme == Scheme::block_gauss_seidel) {
     return make_cuda_blocks(model, scene, options, *device.name);
