@@ -173,30 +173,11 @@ struct OnDevice<Effect, T, EffectKind::element> {
     return result;
   }
 
-  // What every element remembers, in the order of the host's elements.
   void save_memory(std::vector<double>& all) const {
-    const std::vector<T> mine = memory.download();
-    const std::size_t begin = all.size();
-    all.resize(begin + mine.size());
-    for_each_number([&](std::size_t host, std::size_t here) { all[begin + host] = mine[here]; });
+    if constexpr (memory_of<Effect> != 0) save_kept<memory_of<Effect>>(memory, coloring.order, all);
   }
   void load_memory(std::span<const double>& all) {
-    std::vector<T> mine(memory.size());
-    if (!all.empty()) {
-      for_each_number(
-          [&](std::size_t host, std::size_t here) { mine[here] = static_cast<T>(all[host]); });
-      all = all.subspan(mine.size());
-    }
-    memory.upload(mine);
-  }
-
- private:
-  template <class Function>
-  void for_each_number(Function&& function) const {
-    constexpr int size = memory_of<Effect>;
-    for (std::size_t e = 0; e < coloring.order.size(); ++e) {
-      for (int k = 0; k < size; ++k) function(size * coloring.order[e] + k, size * e + k);
-    }
+    if constexpr (memory_of<Effect> != 0) load_kept<memory_of<Effect>>(memory, coloring.order, all);
   }
 };
 

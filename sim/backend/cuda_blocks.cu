@@ -361,32 +361,11 @@ struct DeviceElements {
     }
   }
 
-  // Numbers are kept element by element: `size` of each, in the order of the program.
   void save_memory(std::vector<double>& all) const {
-    const std::vector<T> mine = memory.download();
-    const std::size_t begin = all.size();
-    all.resize(begin + mine.size());
-    for_each_number([&](std::size_t host, std::size_t here) { all[begin + host] = mine[here]; });
+    if constexpr (memory_of<Effect> != 0) save_kept<memory_of<Effect>>(memory, element_of, all);
   }
   void load_memory(std::span<const double>& all) {
-    std::vector<T> mine(memory.size());
-    if (!all.empty()) {
-      for_each_number(
-          [&](std::size_t host, std::size_t here) { mine[here] = static_cast<T>(all[host]); });
-      all = all.subspan(mine.size());
-    }
-    memory.upload(mine);
-  }
-
- private:
-  template <class Function>
-  void for_each_number(Function&& function) const {
-    constexpr int size = memory_of<Effect>;
-    for (std::size_t e = 0; e < element_of.size(); ++e) {
-      for (int k = 0; k < size; ++k) {
-        function(static_cast<std::size_t>(element_of[e]) * size + k, e * size + k);
-      }
-    }
+    if constexpr (memory_of<Effect> != 0) load_kept<memory_of<Effect>>(memory, element_of, all);
   }
 };
 

@@ -3,6 +3,7 @@
 
 #include <cuda_runtime.h>
 
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -54,5 +55,32 @@ class DeviceArray {
   T* data_ = nullptr;
   std::size_t size_ = 0;
 };
+
+// What elements keep from one substep to the next: `size` numbers of each, on the device in the
+// order `element_of`, in a State in the order of the elements. Appends to `all`, and takes from its
+// front; empty stands for zeros.
+template <int size, class T>
+void save_kept(const DeviceArray<T>& kept, std::span<const int> element_of,
+               std::vector<double>& all) {
+  const std::vector<T> here = kept.download();
+  const std::size_t begin = all.size();
+  all.resize(begin + here.size());
+  for (std::size_t at = 0; at < here.size(); ++at) {
+    all[begin + static_cast<std::size_t>(element_of[at / size]) * size + at % size] = here[at];
+  }
+}
+template <int size, class T>
+void load_kept(DeviceArray<T>& kept, std::span<const int> element_of,
+               std::span<const double>& all) {
+  std::vector<T> here(kept.size());
+  if (!all.empty()) {
+    for (std::size_t at = 0; at < here.size(); ++at) {
+      here[at] =
+          static_cast<T>(all[static_cast<std::size_t>(element_of[at / size]) * size + at % size]);
+    }
+    all = all.subspan(here.size());
+  }
+  kept.upload(here);
+}
 
 }  // namespace viscera::sim
