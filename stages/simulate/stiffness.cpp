@@ -18,24 +18,15 @@ constexpr double pa_per_kpa = 1e3;
 
 using Point = std::array<double, 3>;
 
-Error bad_stiffness(const fs::path& path, std::string field, std::string found, std::string allowed,
-                    std::string remedy) {
-  return Error(ExitCode::bad_input, {.where = path.string(),
-                                     .field = std::move(field),
-                                     .found = std::move(found),
-                                     .allowed = std::move(allowed),
-                                     .remedy = std::move(remedy)});
-}
-
 void check_values(const fs::path& path, const ScalarImage& image) {
   const Param e = elastic_params().front();
   for (std::size_t v = 0; v < image.values.size(); ++v) {
     const double pa = pa_per_kpa * image.values[v];
     if (std::isnan(pa) || pa == 0.0 || (*e.lo <= pa && pa <= *e.hi)) continue;
-    throw bad_stiffness(path, "voxel values", fmt::format("{} at voxel {}", image.values[v], v),
-                        fmt::format("Young's modulus in kPa, {:g} to {:g}; 0 or NaN: not measured",
-                                    *e.lo / pa_per_kpa, *e.hi / pa_per_kpa),
-                        "give the stiffness map, not the CT or the magnitude image");
+    throw bad_image(path, "voxel values", fmt::format("{} at voxel {}", image.values[v], v),
+                    fmt::format("Young's modulus in kPa, {:g} to {:g}; 0 or NaN: not measured",
+                                *e.lo / pa_per_kpa, *e.hi / pa_per_kpa),
+                    "give the stiffness map, not the CT or the magnitude image");
   }
 }
 
@@ -129,9 +120,9 @@ StiffnessSample sample_stiffness(const fs::path& path, const TetMesh& mesh) {
     sample.mean += own * e, volume += own;
   }
   if (sample.measured == 0) {
-    throw bad_stiffness(path, "", "no measured value at any tet; the volume spans " + extent(image),
-                        "a stiffness map of the body, in the frame of its mesh",
-                        "check that both are in the same patient coordinates");
+    throw bad_image(path, "", "no measured value at any tet; the volume spans " + extent(image),
+                    "a stiffness map of the body, in the frame of its mesh",
+                    "check that both are in the same patient coordinates");
   }
   sample.mean /= volume;
   return sample;
