@@ -94,17 +94,14 @@ class CpuSolver final : public Solver {
   State state() const override {
     State state{{}, cast_all<double>(v_), step_};
     for (int i = 0; i < n_; ++i) state.u.push_back(cast<double>(u_[i].v));
-    for_each_slot<EffectKind::element>(
-        own_, [&state]<class Effect>(const auto& own) { own.save_memory(state.memory); });
+    save_memory(own_, state);
     return state;
   }
   void set_state(const State& state) override {
     for (int i = 0; i < n_; ++i) u_[i].v = cast<T>(state.u[i]);
     v_ = cast_all<T>(state.v);
     step_ = state.step;
-    std::span<const double> memory = state.memory;
-    for_each_slot<EffectKind::element>(
-        own_, [&memory]<class Effect>(auto& own) { own.load_memory(memory); });
+    load_memory(own_, state);
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);

@@ -201,17 +201,14 @@ class XpbdCuda final : public Solver {
   State state() const override {
     State state{cast_all<double>(u_.download()), cast_all<double>(v_.download()),
                 done_.download()[0]};
-    for_each_active<EffectKind::element>(
-        [&state]<class Effect>(const auto& effect) { effect.save_memory(state.memory); });
+    save_memory(effects_, state);
     return state;
   }
   void set_state(const State& state) override {
     u_.upload(cast_all<T>(state.u));
     v_.upload(cast_all<T>(state.v));
     done_.upload({state.step});
-    std::span<const double> memory = state.memory;
-    for_each_slot<EffectKind::element>(
-        effects_, [&memory]<class Effect>(auto& effect) { effect.load_memory(memory); });
+    load_memory(effects_, state);
   }
   // What travels as a kernel argument is part of the graph, which is captured again.
   void retune(const Model& model, const Scene& scene) override {

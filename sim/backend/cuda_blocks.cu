@@ -94,8 +94,7 @@ class CudaBlocks final : public Solver {
 
   State state() const override {
     State state{gathered(u_.download()), gathered(v_.download()), step_};
-    for_each_slot<EffectKind::element>(
-        own_, [&state]<class Effect>(const auto& own) { own.save_memory(state.memory); });
+    save_memory(own_, state);
     return state;
   }
   void set_state(const State& state) override {
@@ -105,9 +104,7 @@ class CudaBlocks final : public Solver {
     // Parcels of an exchange that is to come again must not be taken for it.
     parcels_ = DeviceArray<Parcel<T>>(parcels_.size());
     frame_.parcels = parcels_.get();
-    std::span<const double> memory = state.memory;
-    for_each_slot<EffectKind::element>(
-        own_, [&memory]<class Effect>(auto& own) { own.load_memory(memory); });
+    load_memory(own_, state);
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);

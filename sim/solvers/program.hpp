@@ -23,6 +23,7 @@
 #include "sim/regions.hpp"
 #include "sim/scene.hpp"
 #include "sim/solvers/arithmetic.hpp"
+#include "sim/state.hpp"
 #include "sim/surface_pairs.hpp"
 
 namespace viscera::sim {
@@ -105,6 +106,19 @@ void for_each_slot(Slots& slots, Function&& function) {
       for (auto& slot : std::get<i>(slots)) function.template operator()<Effect>(slot);
     }
   });
+}
+
+// What the elements of a backend keep from one substep to the next, to and from a state.
+template <class Slots>
+void save_memory(const Slots& slots, State& state) {
+  for_each_slot<EffectKind::element>(
+      slots, [&state]<class Effect>(const auto& own) { own.save_memory(state.memory); });
+}
+template <class Slots>
+void load_memory(Slots& slots, const State& state) {
+  std::span<const double> memory = state.memory;
+  for_each_slot<EffectKind::element>(
+      slots, [&memory]<class Effect>(auto& own) { own.load_memory(memory); });
 }
 
 template <class T>
