@@ -39,17 +39,62 @@ struct alignas(16) AlignedRest {
   Rest rest;
 };
 
-// The elements of one effect, block by block, within a block phase by phase. The elements of a
-// phase share no vertex and are no more than the lanes.
+// The memory that a block has for its work on one effect, bytes.
+struct WorkRoom {
+  std::size_t all;
+  std::size_t element;  // of one
+  std::size_t phase;    // of one
+  int more_phases;      // that a table of them has at its end
+
+  std::size_t taken(int elements, int phases) const {
+    return elements * element + (phases + more_phases) * phase;
+  }
+};
+
+// The elements of one effect, block by block, within a block piece by piece, within a piece phase
+// by phase. A block works on a piece at a time: as many phases as there is room for. The elements
+// of a phase share no vertex and are no more than the lanes.
 template <class Effect, class T>
 struct BlockElements {
   std::vector<LocalVertices<Effect::arity>> vertices;
   std::vector<AlignedRest<typename Effect::template Rest<T>>> rest;
   std::vector<int> element_of;         // in the order of the program
-  std::vector<int> phase_begin = {0};  // [phases + 1]
-  std::vector<int> block_phase = {0};  // [blocks + 1] first phase
+  std::vector<int> phase_begin = {0};  // [phases + 1] first element
+  std::vector<int> piece_phase = {0};  // [pieces + 1] first phase
+  std::vector<int> block_piece = {0};  // [blocks + 1] first piece
+  std::size_t most_work = 0;           // bytes of the largest piece
 
-  int block_begin(int block) const { return phase_begin[block_phase[block]]; }
+  int block_phase(int block) const { return piece_phase[block_piece[block]]; }  // the first
+
+  // After the last element of a phase.
+  void end_phase(const WorkRoom& room) {
+    const int elements = static_cast<int>(element_of.size());
+    const int phase = static_cast<int>(phase_begin.size()) - 1;
+    const int first = piece_phase.back();
+    const bool full = room.taken(elements - phase_begin[first], phase + 1 - first) > room.all;
+    if (full && phase > first) end_piece(room);
+    phase_begin.push_back(elements);
+  }
+  // After the last phase of a piece.
+  void end_piece(const WorkRoom& room) {
+    const int first = piece_phase.back(), end = static_cast<int>(phase_begin.size()) - 1;
+    if (first == end) return;
+    most_work = std::max(most_work, room.taken(phase_begin[end] - phase_begin[first], end - first));
+    piece_phase.push_back(end);
+  }
+  void end_block(const WorkRoom& room) {
+    end_piece(room);
+    block_piece.push_back(static_cast<int>(piece_phase.size()) - 1);
+  }
+};
+
+// Constant data of the copies of vertices.
+template <class T>
+struct BlockCopies {
+  std::vector<Vec3<T>> rest;    // m
+  std::vector<T> inverse_mass;  // 1/kg, the vertex's
+  std::vector<T> mobility;      // s2/kg, of the copy, which has its share of the mass
+  std::vector<int> leader;      // which motion effect leads it, or -1; empty where there is none
 };
 
 class BlockLayout {
@@ -93,15 +138,37 @@ class BlockLayout {
   std::span<const int> copies_of(int vertex) const { return split_.copies_of(vertex); }
   Range copies_in(int block) const { return split_.range_of({block, block + 1}); }
 
+  template <class T>
+  BlockCopies<T> copies(const Program<T>& program) const {
+    const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
+    BlockCopies<T> result;
+    for (int copy = 0; copy < copy_count(); ++copy) {
+      const int vertex = vertex_of(copy);
+      const T w = program.inverse_mass[vertex];
+      result.rest.push_back(program.rest[vertex]);
+      result.inverse_mass.push_back(w);
+      result.mobility.push_back(static_cast<T>(copies_of(vertex).size()) * w * dt2);
+    }
+    int motions = 0;
+    for_each_slot<EffectKind::motion>(program.effects, [&]<class Effect>(const auto& motion) {
+      result.leader.resize(copy_count(), -1);
+      for (const int vertex : motion.vertices) {
+        for (const int copy : copies_of(vertex)) result.leader[copy] = motions;
+      }
+      ++motions;
+    });
+    return result;
+  }
+
   template <class Effect, class T>
-  BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect) const {
+  BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect, const WorkRoom& room) const {
     const auto members = members_of(effect);
     Meetings meetings(split_.vertex_count());
     BlockElements<Effect, T> result;
     for (int block = 0; block < block_count(); ++block) {
       meetings.count(effect, members[block]);
-      append(effect, block, members[block], meetings, result);
-      result.block_phase.push_back(static_cast<int>(result.phase_begin.size()) - 1);
+      append(effect, block, members[block], meetings, room, result);
+      result.end_block(room);
     }
     result.rest = rest_of(effect, result.element_of);
     return result;
@@ -154,7 +221,7 @@ class BlockLayout {
 
   template <class Effect, class T>
   void append(const Prepared<Effect, T>& effect, int block, const std::vector<int>& members,
-              Meetings& meetings, BlockElements<Effect, T>& to) const {
+              Meetings& meetings, const WorkRoom& room, BlockElements<Effect, T>& to) const {
     constexpr int arity = Effect::arity;
     const Range copies = copies_in(block);
     std::vector<std::array<int, arity>> local;
@@ -177,7 +244,7 @@ class BlockLayout {
         for (int i = 0; i < arity; ++i) vertices.index[i] = static_cast<std::uint16_t>(local[e][i]);
         const int size = static_cast<int>(to.element_of.size());
         const bool full = size - to.phase_begin.back() == team_.lanes;
-        if (full || at + 1 == color_end) to.phase_begin.push_back(size);
+        if (full || at + 1 == color_end) to.end_phase(room);
       }
     }
   }

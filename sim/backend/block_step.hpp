@@ -21,19 +21,19 @@ struct BlockView<Effect, T, EffectKind::element> {
   const Local* vertices;
   const Rest* rest;
   const int* phase_begin;
-  const int* block_phase;
+  const int* piece_phase;
+  const int* block_piece;
   T* memory;
-  bool linearized;  // there is room for the block's Linearized elements
 };
 template <class Effect, class T>
 struct BlockView<Effect, T, EffectKind::region> {};
 template <class Effect, class T>
 struct BlockView<Effect, T, EffectKind::self_contact> {};
 
-// All that a scene names.
+// All that a scene names, for every member of an ensemble.
 template <class Effect, class T>
 struct BlockViews {
-  const BlockView<Effect, T>* items = nullptr;
+  const BlockView<Effect, T>* items = nullptr;  // [members * count]
   int count = 0;
 };
 template <class T>
@@ -49,6 +49,11 @@ struct BlockScene {
     return effects;
   }
 };
+template <class T>
+struct MemberScene {
+  const BlockScene<T>& all;
+  int member;
+};
 
 // A set of effects, one bit each in the registry's order: those that a kernel is compiled for.
 using EffectSet = std::uint32_t;
@@ -59,13 +64,13 @@ inline constexpr EffectSet effect_set = ((EffectSet{1} << Effects::index_of<Name
 
 // function.template operator()<Effect>(view, k) for every named effect of a kind, k counting them.
 template <EffectKind kind, EffectSet set = all_effects, class T, class Function>
-constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
+constexpr void for_each_view(const MemberScene<T>& scene, Function&& function) {
   int k = 0;
   Effects::for_each([&]<class Effect, std::size_t index>() {
     if constexpr (Effect::kind == kind && (set >> index & 1)) {
-      const auto& views = scene.template views<Effect>();
-      for (int i = 0; i < views.count; ++i)
-        function.template operator()<Effect>(views.items[i], k++);
+      const auto& views = scene.all.template views<Effect>();
+      const auto* const items = views.items + scene.member * views.count;
+      for (int i = 0; i < views.count; ++i) function.template operator()<Effect>(items[i], k++);
     }
   });
 }
@@ -84,9 +89,9 @@ struct BlockVertices {
 
 // Up to the element effects.
 template <EffectSet set = all_effects, class T>
-SIM_HD void begin_copy(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
+SIM_HD void begin_copy(const MemberScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                        int i) {
-  const T w = x.u[i].w, dt = scene.dt;
+  const T w = x.u[i].w, dt = scene.all.dt;
   const Vec3<T> u = x.u[i].v, v = x.v[i], rest = x.rest[i];
   Vec3<T> d = begin_vertex(w, v, dt);
   for_each_view<EffectKind::force, set>(scene, [&]<class Effect>(const auto& view, int) {
@@ -107,7 +112,7 @@ SIM_HD void begin_copy(const BlockScene<T>& scene, const Step<T>& step, const Bl
 
 // After the element effects and the averaging of copies, with the average as d.
 template <EffectSet set = all_effects, class T>
-SIM_HD void finish_copy(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
+SIM_HD void finish_copy(const MemberScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                         int i, Vec3<T> d) {
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto& view, int k) {
     const Vec3<T> correction = x.corrections[k * x.count + i];
@@ -116,7 +121,7 @@ SIM_HD void finish_copy(const BlockScene<T>& scene, const Step<T>& step, const B
       if (x.u[i].w > T(0)) d += Effect::stop(view.device, step, x.rest[i], x.u[i].v, d);
     }
   });
-  end_vertex(d, scene.dt, x.u[i].v, x.v[i]);
+  end_vertex(d, scene.all.dt, x.u[i].v, x.v[i]);
 }
 
 // The rows of an element's vertices.
@@ -157,6 +162,15 @@ struct alignas(16) LinearizedElement {
   Linearized<T, Effect::rows, Effect::arity> linearized;
   LocalVertices<Effect::arity> vertices;
 };
+
+// What a block needs of `all` bytes.
+inline constexpr int phases_ahead = 4;  // that a sweep reads of the next piece's table
+template <class Effect, class T>
+constexpr WorkRoom work_room(std::size_t all) {
+  std::size_t element = 0;
+  if constexpr (is_linearizable<Effect>) element = sizeof(LinearizedElement<Effect, T>);
+  return {all, element, sizeof(int), phases_ahead};
+}
 
 template <class Effect, class T>
 SIM_HD void linearize_element(const BlockVertices<T>& x,

@@ -255,19 +255,12 @@ class XpbdCuda final : public Solver {
     capture();
   }
 
-  // Refuses before the first allocation what will not fit.
   static void require_memory(const Program<T>& program) {
     std::size_t bytes = program.rest.size() * (4 * sizeof(Vec3<T>) + 2 * sizeof(T));
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
       bytes += effect.rest.size() * (sizeof(effect.rest[0]) + sizeof(effect.vertices[0]));
     });
-    std::size_t free_bytes = 0, total_bytes = 0;
-    check(cudaMemGetInfo(&free_bytes, &total_bytes), "asking for the free memory");
-    if (bytes <= free_bytes) return;
-    throw Refusal(Refusal::Cause::device, "mesh",
-                  "needs " + std::to_string(bytes >> 20) + " MiB on the device",
-                  "at most " + std::to_string(free_bytes >> 20) + " MiB, which are free",
-                  "use a coarser mesh or device: cpu");
+    require_device_memory(bytes);
   }
 
   void capture() {
@@ -291,7 +284,7 @@ class XpbdCuda final : public Solver {
           n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), v_.get(), d_.get(), dt);
     });
     for_each_active<EffectKind::motion>([&]<class Effect>(const auto& effect) {
-      const int count = effect.vertices.size();
+      const int count = static_cast<int>(effect.vertices.size());
       if (count == 0) return;
       move<Effect, T><<<blocks(count), block_size, 0, stream_>>>(
           count, effect.vertices.get(), effect.device, rest_.get(), u_.get(), d_.get(), done_.get(),
@@ -354,8 +347,21 @@ CudaDevice find_cuda_device() {
   return {.name = properties.name};
 }
 
-std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
-                                     const SolverOptions& options) {
+namespace {
+
+std::unique_ptr<Solver> make_colors(const Model& model, const Scene& scene,
+                                    const SolverOptions& options, const std::string& name) {
+  if (options.precision == Precision::fp64) {
+    return std::make_unique<XpbdCuda<double>>(model, scene, name);
+  }
+  return std::make_unique<XpbdCuda<float>>(model, scene, name);
+}
+
+}  // namespace
+
+std::unique_ptr<Ensemble> make_ensemble_on_cuda(const Model& model, const Scene& scene,
+                                                const SolverOptions& options, int members,
+                                                const Tune& tune) {
   check_scene(scene);
   const CudaDevice device = find_cuda_device();
   if (!device.name) {
@@ -369,13 +375,18 @@ std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
         "no self-contact",
         "use device: cpu or auto");
   }
-  if (options.scheme == Scheme::block_gauss_seidel) {
-    return make_cuda_blocks(model, scene, options, *device.name);
+  if (options.scheme != Scheme::block_gauss_seidel) {
+    return std::make_unique<Separately>(
+        model, scene, members, tune, [&](const Model& own_model, const Scene& own_scene) {
+          return make_colors(own_model, own_scene, options, *device.name);
+        });
   }
-  if (options.precision == Precision::fp64) {
-    return std::make_unique<XpbdCuda<double>>(model, scene, *device.name);
+  auto ensemble = make_cuda_blocks(model, scene, options, members, *device.name);
+  for (int member = 0; tune && member < members; ++member) {
+    const auto [own_model, own_scene] = tuned(model, scene, member, tune);
+    ensemble->retune(member, own_model, own_scene);
   }
-  return std::make_unique<XpbdCuda<float>>(model, scene, *device.name);
+  return ensemble;
 }
 
 }  // namespace viscera::sim

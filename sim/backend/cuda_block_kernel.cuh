@@ -16,30 +16,31 @@ namespace viscera::sim {
 inline constexpr EffectSet tissue = effect_set<Gravity, Fixed, NeoHookean, Ground>;
 inline constexpr EffectSet damped_tissue = tissue | effect_set<Viscosity, Prescribed>;
 
-constexpr int bounds_beyond = 4;  // of phases, in the table that a sweep reads ahead
-
-// What a frame's kernel is given; arrays over copies unless said otherwise.
+// What a frame's kernel is given; arrays over copies unless said otherwise. A grid runs blocks of
+// the first member, then those of the next.
 template <class T>
 struct Frame {
   BlockScene<T> scene;
-  Vec3<T>* u;
-  Vec3<T>* v;
+  Vec3<T>* u;  // [members * copies]
+  Vec3<T>* v;  // likewise
   const Vec3<T>* rest;
   const T* inverse_mass;
   const T* mobility;
-  const int* leader;        // or null
-  const int* copy_begin;    // [blocks + 1]
-  const int* gather_begin;  // [copies + 1]
-  const int* gather;        // the copies of the same vertex, in order; none where it has one
-  Parcel<T>* parcels;       // [2 * copies]
-  int copies;
-  unsigned char* touching;  // [contacts * copies] at the end of the frame
-  unsigned long long done;  // substeps
+  const int* leader;          // or null
+  const int* copy_begin;      // [blocks + 1]
+  const int* gather_begin;    // [copies + 1]
+  const int* gather;          // the copies of the same vertex, in order; none where it has one
+  Parcel<T>* parcels;         // [members * 2 * copies]
+  unsigned char* touching;    // [members * contacts * copies] at the end of the frame
+  unsigned long long* ahead;  // [members] substeps that it has done beyond `done`
+  unsigned long long done;    // substeps
   double dt;
   int substeps;
-  int most_copies;            // of a block
-  int team;                   // lanes that sweep
-  std::size_t element_bytes;  // shared memory for linearised elements
+  int copies;
+  int blocks;        // of a member
+  int first_member;  // of the grid
+  int most_copies;   // of a block
+  int team;          // lanes that sweep
 };
 
 // Elements that were linearised, in shared memory.
@@ -120,49 +121,65 @@ __device__ void sweep(const Work& work, const int* bounds, int phases, int team)
   __syncthreads();
 }
 
-// A block's shared memory beyond its vertices.
-struct Room {
-  int* bounds;  // of the phases of the effect at hand, from its first element in the block
-  unsigned char* elements;
-};
-
+// Everything that does not wait for the neighbours, for all elements of a piece side by side. An
+// element's constant data are on their way while the one before is worked on.
 template <class Effect, class T>
-__device__ void sweep_effect(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int team,
-                             const Room& room) {
-  const int first_phase = view.block_phase[blockIdx.x];
-  const int phases = view.block_phase[blockIdx.x + 1] - first_phase;
-  if (phases == 0) return;
+__device__ void linearize_piece(const BlockView<Effect, T>& view, const BlockVertices<T>& x,
+                                int first, int count, LinearizedElement<Effect, T>* elements) {
+  const int lane = static_cast<int>(threadIdx.x), lanes = static_cast<int>(blockDim.x);
+  if (lane >= count) return;
+  const DirectWork<Effect, T> work{x, view, first};
+  auto next = work.fetch(lane);
+  for (int e = lane; e < count; e += lanes) {
+    const auto item = next;
+    next = work.fetch(min(e + lanes, count - 1));
+    linearize_element<Effect>(x, item.vertices, item.rest.rest,
+                              view.memory + static_cast<std::size_t>(first + e) * memory_of<Effect>,
+                              elements[e]);
+  }
+}
+
+// `room` is the block's shared memory beyond its vertices: the piece's linearised elements, and the
+// bounds of its phases, counted from its first element.
+template <class Effect, class T>
+__device__ void sweep_piece(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int team,
+                            int first_phase, int phases, unsigned char* room) {
+  constexpr std::size_t element_bytes = work_room<Effect, T>(0).element;
   const int first = view.phase_begin[first_phase];
   const int count = view.phase_begin[first_phase + phases] - first;
-  const int lane = static_cast<int>(threadIdx.x), lanes = static_cast<int>(blockDim.x);
-  for (int p = lane; p < phases + bounds_beyond; p += lanes) {
-    room.bounds[p] = view.phase_begin[first_phase + min(p, phases)] - first;
+  int* const bounds = reinterpret_cast<int*>(room + count * element_bytes);
+  for (int p = threadIdx.x; p < phases + phases_ahead; p += blockDim.x) {
+    bounds[p] = view.phase_begin[first_phase + min(p, phases)] - first;
   }
   if constexpr (is_linearizable<Effect>) {
-    if (view.linearized) {
-      auto* const elements = reinterpret_cast<LinearizedElement<Effect, T>*>(room.elements);
-      for (int e = lane; e < count; e += lanes) {
-        linearize_element<Effect>(
-            x, view.vertices[first + e], view.rest[first + e].rest,
-            view.memory + static_cast<std::size_t>(first + e) * memory_of<Effect>, elements[e]);
-      }
-      __syncthreads();
-      sweep(LinearizedWork<Effect, T>{x, elements}, room.bounds, phases, team);
-      return;
-    }
+    auto* const elements = reinterpret_cast<LinearizedElement<Effect, T>*>(room);
+    linearize_piece(view, x, first, count, elements);
+    __syncthreads();
+    sweep(LinearizedWork<Effect, T>{x, elements}, bounds, phases, team);
+  } else {
+    __syncthreads();
+    sweep(DirectWork<Effect, T>{x, view, first}, bounds, phases, team);
   }
-  __syncthreads();
-  sweep(DirectWork<Effect, T>{x, view, first}, room.bounds, phases, team);
+}
+
+template <class Effect, class T>
+__device__ void sweep_effect(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int block,
+                             int team, unsigned char* room) {
+  const int end = view.block_piece[block + 1];
+  for (int piece = view.block_piece[block]; piece < end; ++piece) {
+    const int first_phase = view.piece_phase[piece];
+    sweep_piece<Effect, T>(view, x, team, first_phase, view.piece_phase[piece + 1] - first_phase,
+                           room);
+  }
 }
 
 // The average of a vertex's copies. All that are awaited are asked for before the first is taken.
 template <class T>
-__device__ Vec3<T> averaged(const Frame<T>& frame, const Vec3<T>& own, int copy,
-                            unsigned exchange) {
+__device__ Vec3<T> averaged(const Frame<T>& frame, const Parcel<T>* parcels, const Vec3<T>& own,
+                            int copy, unsigned exchange) {
   constexpr int batch = 8;
   const int begin = frame.gather_begin[copy], end = frame.gather_begin[copy + 1];
   if (begin == end) return own;
-  const Parcel<T>* const parcels = frame.parcels + (exchange & 1u) * frame.copies;
   Vec3<T> sum;
   for (int first = begin; first < end; first += batch) {
     Parcel<T> parcel[batch];
@@ -201,10 +218,15 @@ constexpr std::size_t vertex_bytes(int copies, int contacts) {
 template <class T, EffectSet set, int threads>
 __global__ void __launch_bounds__(threads, 1) run_frame(const __grid_constant__ Frame<T> frame) {
   extern __shared__ __align__(32) unsigned char shared[];
-  const BlockScene<T>& scene = frame.scene;
+  const int block = static_cast<int>(blockIdx.x) % frame.blocks;
+  const std::size_t member = frame.first_member + blockIdx.x / frame.blocks;
+  const MemberScene<T> scene{frame.scene, static_cast<int>(member)};
+  const int contacts = frame.scene.contacts;
   const int lane = static_cast<int>(threadIdx.x);
-  const int first = frame.copy_begin[blockIdx.x];
-  const int count = frame.copy_begin[blockIdx.x + 1] - first;
+  const int first = frame.copy_begin[block];
+  const int count = frame.copy_begin[block + 1] - first;
+  Vec3<T>* const u = frame.u + member * frame.copies + first;
+  Vec3<T>* const v = frame.v + member * frame.copies + first;
   BlockVertices<T> x;
   x.u = reinterpret_cast<Row<T>*>(shared);
   x.d = x.u + frame.most_copies;
@@ -213,24 +235,24 @@ __global__ void __launch_bounds__(threads, 1) run_frame(const __grid_constant__ 
   x.rest = frame.rest + first;
   x.leader = frame.leader ? frame.leader + first : nullptr;
   x.count = count;
-  unsigned char* const elements = shared + vertex_bytes<T>(frame.most_copies, scene.contacts);
-  const Room room{reinterpret_cast<int*>(elements + frame.element_bytes), elements};
-  const auto step_at = [&frame](int substep) {
-    return Step<T>{frame.scene.dt, static_cast<double>(frame.done + substep + 1) * frame.dt};
+  unsigned char* const room = shared + vertex_bytes<T>(frame.most_copies, contacts);
+  const unsigned long long done = frame.done + frame.ahead[member];
+  const auto step_at = [&frame, done](int substep) {
+    return Step<T>{frame.scene.dt, static_cast<double>(done + substep + 1) * frame.dt};
   };
   for (int i = lane; i < count; i += threads) {
-    x.u[i] = {frame.u[first + i], frame.inverse_mass[first + i]};
+    x.u[i] = {u[i], frame.inverse_mass[first + i]};
     x.d[i].w = frame.mobility[first + i];
-    x.v[i] = frame.v[first + i];
+    x.v[i] = v[i];
     begin_copy<set>(scene, step_at(0), x, i);
   }
   __syncthreads();
   for (int substep = 0; substep < frame.substeps; ++substep) {
     for_each_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& view, int) {
-      sweep_effect<Effect, T>(view, x, frame.team, room);
+      sweep_effect<Effect, T>(view, x, block, frame.team, room);
     });
-    const unsigned exchange = static_cast<unsigned>(frame.done + substep + 1);
-    Parcel<T>* const parcels = frame.parcels + (exchange & 1u) * frame.copies;
+    const unsigned exchange = static_cast<unsigned>(done + substep + 1);
+    Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.copies;
     for (int i = lane; i < count; i += threads) {
       if (frame.gather_begin[first + i] < frame.gather_begin[first + i + 1]) {
         Parcel<T>::send(parcels + first + i, x.d[i].v, exchange);
@@ -238,14 +260,14 @@ __global__ void __launch_bounds__(threads, 1) run_frame(const __grid_constant__ 
     }
     for (int i = lane; i < count; i += threads) {
       finish_copy<set>(scene, step_at(substep), x, i,
-                       averaged(frame, x.d[i].v, first + i, exchange));
+                       averaged(frame, parcels, x.d[i].v, first + i, exchange));
       if (substep + 1 < frame.substeps) {
         begin_copy<set>(scene, step_at(substep + 1), x, i);
       } else {
-        frame.u[first + i] = x.u[i].v;
-        frame.v[first + i] = x.v[i];
-        for (int k = 0; k < scene.contacts; ++k) {
-          frame.touching[static_cast<std::size_t>(k) * frame.copies + first + i] =
+        u[i] = x.u[i].v;
+        v[i] = x.v[i];
+        for (int k = 0; k < contacts; ++k) {
+          frame.touching[(member * contacts + k) * frame.copies + first + i] =
               touches(x.corrections[k * count + i]);
         }
       }

@@ -3,6 +3,7 @@
 #include <cuda_runtime.h>
 
 #include <algorithm>
+#include <cstring>
 
 #include "sim/backend/cuda_block_kernel.cuh"
 #include "sim/backend/cuda_blocks.hpp"
@@ -11,38 +12,58 @@
 namespace viscera::sim {
 namespace {
 
-constexpr int least_block = 150;  // tets: smaller blocks cost accuracy and are no faster
+constexpr int least_block = 150;    // tets: smaller blocks cost accuracy and are no faster
+constexpr int most_wanted = 12000;  // tets: the vertices of larger ones leave no room for the work
+
+int attribute(cudaDeviceAttr which) {
+  int value = 0;
+  check(cudaDeviceGetAttribute(&value, which, 0), "asking what the device has");
+  return value;
+}
+
 // What one element effect keeps on the device.
 template <class Effect, class T>
 struct DeviceElements {
+  using Rest = AlignedRest<typename Effect::template Rest<T>>;
   std::vector<int> element_of;
-  int most, most_phases;  // in a block
   DeviceArray<LocalVertices<Effect::arity>> vertices;
-  DeviceArray<AlignedRest<typename Effect::template Rest<T>>> rest;
-  DeviceArray<int> phase_begin, block_phase;
-  DeviceArray<T> memory;
+  DeviceArray<Rest> rest;
+  std::vector<DeviceArray<Rest>> own_rest;  // [members], empty where it is `rest`
+  DeviceArray<int> phase_begin, piece_phase, block_piece;
+  DeviceArray<T> memory;  // [members * elements * memory_of]
 
-  explicit DeviceElements(BlockElements<Effect, T>&& host)
+  DeviceElements(BlockElements<Effect, T>&& host, int members)
       : element_of(std::move(host.element_of)),
-        most(0),
-        most_phases(0),
         vertices(host.vertices),
         rest(host.rest),
+        own_rest(members),
         phase_begin(host.phase_begin),
-        block_phase(host.block_phase),
-        memory(host.rest.size() * memory_of<Effect>) {
-    for (std::size_t block = 0; block + 1 < host.block_phase.size(); ++block) {
-      const int b = static_cast<int>(block);
-      most = std::max(most, host.block_begin(b + 1) - host.block_begin(b));
-      most_phases = std::max(most_phases, host.block_phase[b + 1] - host.block_phase[b]);
+        piece_phase(host.piece_phase),
+        block_piece(host.block_piece),
+        memory(members * host.rest.size() * memory_of<Effect>) {}
+
+  BlockView<Effect, T> view(int member) const {
+    const auto& own = own_rest[member];
+    return {vertices.get(),    own.size() > 0 ? own.get() : rest.get(),
+            phase_begin.get(), piece_phase.get(),
+            block_piece.get(), memory.get() + member * element_of.size() * memory_of<Effect>};
+  }
+  // A member that has what all have keeps nothing of its own.
+  void set_rest(int member, const std::vector<Rest>& host) {
+    if (own_rest.size() == 1) return rest.upload(host);
+    const std::vector<Rest> shared = rest.download();
+    const bool same = std::memcmp(host.data(), shared.data(), host.size() * sizeof(Rest)) == 0;
+    own_rest[member] = same ? DeviceArray<Rest>() : DeviceArray<Rest>(host);
+  }
+  void save_memory(std::vector<double>& all, int member) const {
+    if constexpr (memory_of<Effect> != 0) {
+      save_kept<memory_of<Effect>>(memory, element_of, all, member);
     }
   }
-
-  void save_memory(std::vector<double>& all) const {
-    if constexpr (memory_of<Effect> != 0) save_kept<memory_of<Effect>>(memory, element_of, all);
-  }
-  void load_memory(std::span<const double>& all) {
-    if constexpr (memory_of<Effect> != 0) load_kept<memory_of<Effect>>(memory, element_of, all);
+  void load_memory(std::span<const double>& all, int member) {
+    if constexpr (memory_of<Effect> != 0) {
+      load_kept<memory_of<Effect>>(memory, element_of, all, member);
+    }
   }
 };
 
@@ -54,80 +75,86 @@ struct Own<Effect, T, EffectKind::element> : DeviceElements<Effect, T> {
 };
 
 template <class T>
-class CudaBlocks final : public Solver {
+class CudaBlocks final : public Ensemble {
  public:
-  CudaBlocks(const Model& model, const Scene& scene, int tets_per_block, std::string name)
+  CudaBlocks(const Model& model, const Scene& scene, int tets_per_block, int members,
+             std::string name)
       : name_(std::move(name)),
+        members_(members),
         program_(model, scene),
-        layout_(model, program_, tets_per_block, team_for(tets_per_block)),
-        u_(layout_.copy_count()),
-        v_(layout_.copy_count()),
-        parcels_(2 * static_cast<std::size_t>(layout_.copy_count())) {
+        layout_(model, program_, tets_per_block, team_for(tets_per_block)) {
+    require_device_memory(bytes_needed());
     place_copies();
     place_effects();
     upload_views();
-    frame_.u = u_.get();
-    frame_.v = v_.get();
-    frame_.parcels = parcels_.get();
-    frame_.copies = layout_.copy_count();
     frame_.dt = program_.dt;
     frame_.substeps = program_.substeps;
+    frame_.copies = layout_.copy_count();
+    frame_.blocks = layout_.block_count();
     frame_.team = layout_.lanes();
     frame_.scene.dt = static_cast<T>(program_.dt);
-    touching_ = DeviceArray<unsigned char>(static_cast<std::size_t>(frame_.scene.contacts) *
-                                           layout_.copy_count());
-    frame_.touching = touching_.get();
-    check(cudaFuncSetAttribute(kernel_.run, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                               static_cast<int>(shared_bytes_)),
-          "asking for shared memory");
+    ask_for_the_device();
   }
 
+  int size() const override { return members_; }
+
+  // Blocks of a member wait for one another, so all of them run at once: as many members at a time
+  // as the device holds.
   void advance_frame() override {
     frame_.done = step_;
     void* arguments[] = {&frame_};
-    check(cudaLaunchCooperativeKernel(kernel_.run, dim3(layout_.block_count()),
-                                      dim3(kernel_.threads), arguments, shared_bytes_, nullptr),
-          "launching a frame");
+    for (int first = 0; first < members_; first += at_once_) {
+      frame_.first_member = first;
+      const int blocks = frame_.blocks * std::min(at_once_, members_ - first);
+      check(cudaLaunchCooperativeKernel(kernel_.run, dim3(blocks), dim3(kernel_.threads), arguments,
+                                        shared_bytes_, nullptr),
+            "launching a frame");
+    }
     check(cudaDeviceSynchronize(), "running a frame");
     step_ += frame_.substeps;
   }
 
-  State state() const override {
-    State state{gathered(u_.download()), gathered(v_.download()), step_};
-    save_memory(own_, state);
+  State state(int member) const override {
+    const std::size_t copies = layout_.copy_count(), first = member * copies;
+    State state{gathered(u_.download(first, copies)), gathered(v_.download(first, copies)),
+                step_ + ahead_.download(member, 1)[0]};
+    save_memory(own_, state, member);
     return state;
   }
-  void set_state(const State& state) override {
-    u_.upload(spread(state.u));
-    v_.upload(spread(state.v));
-    step_ = state.step;
+  void set_state(int member, const State& state) override {
+    const std::size_t copies = layout_.copy_count();
+    u_.upload(spread(state.u), member * copies);
+    v_.upload(spread(state.v), member * copies);
+    ahead_.upload({state.step - step_}, member);
     // Parcels of an exchange that is to come again must not be taken for it.
-    parcels_ = DeviceArray<Parcel<T>>(parcels_.size());
-    frame_.parcels = parcels_.get();
-    load_memory(own_, state);
+    parcels_.clear(2 * member * copies, 2 * copies);
+    load_memory(own_, state, member);
   }
-  void retune(const Model& model, const Scene& scene) override {
+  void retune(int member, const Model& model, const Scene& scene) override {
     check_scene(scene);
     program_.retune({model, scene});
     Effects::for_each([&]<class Effect, std::size_t i>() {
       const auto& effects = std::get<i>(program_.effects);
       for (std::size_t k = 0; k < effects.size(); ++k) {
+        auto& views = std::get<i>(host_views_);
         if constexpr (Effect::kind == EffectKind::element) {
           auto& own = std::get<i>(own_)[k];
-          own.rest.upload(layout_.rest_of(effects[k], own.element_of));
+          own.set_rest(member, layout_.rest_of(effects[k], own.element_of));
+          views[member * effects.size() + k] = own.view(member);
         } else if constexpr (requires { effects[k].device; }) {
-          std::get<i>(host_views_)[k].device = effects[k].device;
+          views[member * effects.size() + k].device = effects[k].device;
         }
       }
     });
     upload_views();
   }
-  std::size_t contact_count() const override {
-    const auto touching = touching_.download();
+  std::size_t contact_count(int member) const override {
+    const std::size_t copies = layout_.copy_count(), all = frame_.scene.contacts * copies;
+    const auto touching = touching_.download(member * all, all);
     std::size_t count = 0;
     for (int k = 0; k < frame_.scene.contacts; ++k) {
       for (int v = 0; v < vertex_count(); ++v) {
-        count += touching[static_cast<std::size_t>(k) * frame_.copies + layout_.copies_of(v)[0]];
+        count += touching[k * copies + layout_.copies_of(v)[0]];
       }
     }
     return count;
@@ -146,79 +173,91 @@ class CudaBlocks final : public Solver {
     ViewArray<Effect> array;
   };
 
+  // Of the large arrays, if every member has materials of its own.
+  std::size_t bytes_needed() const {
+    const std::size_t copies = layout_.copy_count();
+    std::size_t shared = copies * (sizeof(Vec3<T>) + 2 * sizeof(T) + 3 * sizeof(int));
+    std::size_t own = 2 * copies * (sizeof(Vec3<T>) + sizeof(Parcel<T>));
+    for_each_slot<EffectKind::element>(program_.effects, [&]<class Effect>(const auto& effect) {
+      const std::size_t elements = effect.rest.size();
+      shared += elements * sizeof(LocalVertices<Effect::arity>);
+      own += elements * (sizeof(AlignedRest<typename Effect::template Rest<T>>) +
+                         memory_of<Effect> * sizeof(T));
+    });
+    return shared + members_ * own;
+  }
+
   void place_copies() {
-    const T dt2 = static_cast<T>(program_.dt) * static_cast<T>(program_.dt);
-    std::vector<Vec3<T>> rest;
-    std::vector<T> inverse_mass, mobility;
+    const BlockCopies<T> copies = layout_.copies(program_);
     std::vector<int> copy_begin = {0}, gather_begin = {0}, gather;
     for (int copy = 0; copy < layout_.copy_count(); ++copy) {
-      const int vertex = layout_.vertex_of(copy);
-      const auto copies = layout_.copies_of(vertex);
-      const T w = program_.inverse_mass[vertex];
-      rest.push_back(program_.rest[vertex]);
-      inverse_mass.push_back(w);
-      mobility.push_back(static_cast<T>(copies.size()) * w * dt2);
-      if (copies.size() > 1) gather.insert(gather.end(), copies.begin(), copies.end());
+      const auto others = layout_.copies_of(layout_.vertex_of(copy));
+      if (others.size() > 1) gather.insert(gather.end(), others.begin(), others.end());
       gather_begin.push_back(static_cast<int>(gather.size()));
     }
     for (int block = 0; block < layout_.block_count(); ++block) {
-      const Range copies = layout_.copies_in(block);
-      copy_begin.push_back(copies.end);
-      frame_.most_copies = std::max(frame_.most_copies, copies.end - copies.begin);
+      const Range own = layout_.copies_in(block);
+      copy_begin.push_back(own.end);
+      frame_.most_copies = std::max(frame_.most_copies, own.end - own.begin);
     }
-    frame_.rest = (rest_ = DeviceArray<Vec3<T>>(rest)).get();
-    frame_.inverse_mass = (inverse_mass_ = DeviceArray<T>(inverse_mass)).get();
-    frame_.mobility = (mobility_ = DeviceArray<T>(mobility)).get();
+    const std::size_t all = static_cast<std::size_t>(members_) * layout_.copy_count();
+    frame_.u = (u_ = DeviceArray<Vec3<T>>(all)).get();
+    frame_.v = (v_ = DeviceArray<Vec3<T>>(all)).get();
+    frame_.parcels = (parcels_ = DeviceArray<Parcel<T>>(2 * all)).get();
+    frame_.ahead = (ahead_ = DeviceArray<unsigned long long>(members_)).get();
+    frame_.rest = (rest_ = DeviceArray<Vec3<T>>(copies.rest)).get();
+    frame_.inverse_mass = (inverse_mass_ = DeviceArray<T>(copies.inverse_mass)).get();
+    frame_.mobility = (mobility_ = DeviceArray<T>(copies.mobility)).get();
+    frame_.leader = (leader_ = DeviceArray<int>(copies.leader)).get();
     frame_.copy_begin = (copy_begin_ = DeviceArray<int>(copy_begin)).get();
     frame_.gather_begin = (gather_begin_ = DeviceArray<int>(gather_begin)).get();
     frame_.gather = (gather_ = DeviceArray<int>(gather)).get();
   }
 
   void place_effects() {
-    Effects::for_each([&]<class Effect, std::size_t i>() {
-      if constexpr (Effect::kind == EffectKind::contact) {
-        frame_.scene.contacts += static_cast<int>(std::get<i>(program_.effects).size());
-      }
-    });
-    int most = 0;  // shared memory of a block on this device, bytes
-    check(cudaDeviceGetAttribute(&most, cudaDevAttrMaxSharedMemoryPerBlockOptin, 0),
-          "asking for the shared memory");
-    const std::size_t bytes = vertex_bytes<T>(frame_.most_copies, frame_.scene.contacts);
-    require_room(bytes, most);
-    constexpr std::size_t bounds_bytes = 1024;
-    int phases = 0;
+    for_each_slot<EffectKind::contact>(
+        program_.effects, [this]<class Effect>(const auto&) { ++frame_.scene.contacts; });
+    touching_ = DeviceArray<unsigned char>(static_cast<std::size_t>(members_) *
+                                           frame_.scene.contacts * layout_.copy_count());
+    frame_.touching = touching_.get();
+    const std::size_t own = vertex_bytes<T>(frame_.most_copies, frame_.scene.contacts);
+    const std::size_t all = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin);
+    std::size_t work = 0;
     EffectSet named = 0;
-    std::vector<int> leader(layout_.copy_count(), -1);
-    int motions = 0;
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      auto& views = std::get<i>(host_views_);
       for (const auto& effect : std::get<i>(program_.effects)) {
         named |= EffectSet{1} << i;
         if constexpr (Effect::kind == EffectKind::element) {
-          auto& own = std::get<i>(own_).emplace_back(layout_.lay_out(effect));
-          phases = std::max(phases, own.most_phases);
-          bool linearized = false;
-          if constexpr (is_linearizable<Effect>) {
-            const std::size_t wanted = own.most * sizeof(LinearizedElement<Effect, T>);
-            linearized = bytes + wanted + bounds_bytes <= static_cast<std::size_t>(most);
-            if (linearized) frame_.element_bytes = std::max(frame_.element_bytes, wanted);
+          auto elements = layout_.lay_out(effect, work_room<Effect, T>(all - std::min(own, all)));
+          work = std::max(work, elements.most_work);
+          std::get<i>(own_).emplace_back(std::move(elements), members_);
+        }
+      }
+      auto& views = std::get<i>(host_views_);
+      for (int member = 0; member < members_; ++member) {
+        if constexpr (Effect::kind == EffectKind::element) {
+          for (const auto& elements : std::get<i>(own_)) views.push_back(elements.view(member));
+        } else {
+          for (const auto& effect : std::get<i>(program_.effects)) {
+            if constexpr (requires { effect.device; }) views.push_back({effect.device});
           }
-          views.push_back({own.vertices.get(), own.rest.get(), own.phase_begin.get(),
-                           own.block_phase.get(), own.memory.get(), linearized});
-        } else if constexpr (requires { effect.device; }) {
-          if constexpr (Effect::kind == EffectKind::motion) {
-            for (const int vertex : effect.vertices) {
-              for (const int copy : layout_.copies_of(vertex)) leader[copy] = motions;
-            }
-            ++motions;
-          }
-          views.push_back({effect.device});
         }
       }
     });
-    if (motions > 0) frame_.leader = (leader_ = DeviceArray<int>(leader)).get();
-    shared_bytes_ = bytes + frame_.element_bytes + (phases + bounds_beyond) * sizeof(int);
+    shared_bytes_ = own + work;
+    require_room(shared_bytes_, all);
     kernel_ = kernel_for<T>(named);
+  }
+
+  void ask_for_the_device() {
+    check(cudaFuncSetAttribute(kernel_.run, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                               static_cast<int>(shared_bytes_)),
+          "asking for shared memory");
+    int a_processor = 0;
+    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, kernel_.run, kernel_.threads,
+                                                        shared_bytes_),
+          "asking for the blocks that run at once");
+    at_once_ = std::max(1, a_processor * attribute(cudaDevAttrMultiProcessorCount) / frame_.blocks);
   }
 
   void upload_views() {
@@ -226,15 +265,15 @@ class CudaBlocks final : public Solver {
       const auto& views = std::get<i>(host_views_);
       auto& array = static_cast<ArrayOf<Effect>&>(views_).array;
       array = ViewArray<Effect>(views);
-      static_cast<BlockViews<Effect, T>&>(frame_.scene.effects) = {array.get(),
-                                                                   static_cast<int>(views.size())};
+      static_cast<BlockViews<Effect, T>&>(frame_.scene.effects) = {
+          array.get(), static_cast<int>(views.size()) / members_};
     });
   }
 
-  static void require_room(std::size_t bytes, int most) {
-    if (bytes <= static_cast<std::size_t>(most)) return;
+  static void require_room(std::size_t bytes, std::size_t most) {
+    if (bytes <= most) return;
     throw Refusal(Refusal::Cause::device, "block_tets",
-                  "a block's vertices need " + std::to_string(bytes >> 10) + " KiB",
+                  "a block needs " + std::to_string(bytes >> 10) + " KiB",
                   "at most " + std::to_string(most >> 10) + " KiB, the device's shared memory",
                   "use a smaller block_tets, a coarser mesh or scheme: gauss_seidel");
   }
@@ -257,7 +296,9 @@ class CudaBlocks final : public Solver {
   int vertex_count() const { return static_cast<int>(program_.rest.size()); }
 
   std::string name_;
-  Program<T> program_;
+  int members_;
+  int at_once_ = 0;     // members
+  Program<T> program_;  // of the member that was tuned last
   BlockLayout layout_;
   Frame<T> frame_{};
   Kernel<T> kernel_{};
@@ -271,24 +312,27 @@ class CudaBlocks final : public Solver {
   DeviceArray<int> leader_, copy_begin_, gather_begin_, gather_;
   DeviceArray<Parcel<T>> parcels_;
   DeviceArray<unsigned char> touching_;
+  DeviceArray<unsigned long long> ahead_;
 };
 
 }  // namespace
 
-std::unique_ptr<Solver> make_cuda_blocks(const Model& model, const Scene& scene,
-                                         const SolverOptions& options, const std::string& name) {
-  int processors = 0;
-  check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, 0),
-        "asking for the multiprocessors");
-  const int tets = static_cast<int>(model.tet_count());
-  // All blocks run at once: one a multiprocessor.
-  const int least = (tets + processors - 1) / processors;
-  const int tets_per_block =
-      std::max(least, options.block_tets > 0 ? options.block_tets : least_block);
+std::unique_ptr<Ensemble> make_cuda_blocks(const Model& model, const Scene& scene,
+                                           const SolverOptions& options, int members,
+                                           const std::string& name) {
+  // All blocks of a member run at once, one a multiprocessor, and those of all members if they can.
+  const int processors = attribute(cudaDevAttrMultiProcessorCount);
+  const auto tets_in_each_of = [&model](int blocks) {
+    return (static_cast<int>(model.tet_count()) + blocks - 1) / blocks;
+  };
+  const int shared_out = tets_in_each_of(std::max(1, processors / members));
+  const int wanted = options.block_tets > 0 ? options.block_tets
+                                            : std::clamp(shared_out, least_block, most_wanted);
+  const int tets_per_block = std::max(wanted, tets_in_each_of(processors));
   if (options.precision == Precision::fp64) {
-    return std::make_unique<CudaBlocks<double>>(model, scene, tets_per_block, name);
+    return std::make_unique<CudaBlocks<double>>(model, scene, tets_per_block, members, name);
   }
-  return std::make_unique<CudaBlocks<float>>(model, scene, tets_per_block, name);
+  return std::make_unique<CudaBlocks<float>>(model, scene, tets_per_block, members, name);
 }
 
 }  // namespace viscera::sim

@@ -8,7 +8,8 @@ CudaDevice find_cuda_device() {
   return {.why_not = "this build has no CUDA backend"};
 }
 
-std::unique_ptr<Solver> make_on_cuda(const Model&, const Scene&, const SolverOptions&) {
+std::unique_ptr<Ensemble> make_ensemble_on_cuda(const Model&, const Scene&, const SolverOptions&,
+                                                int, const Tune&) {
   throw Refusal(Refusal::Cause::device, "device", find_cuda_device().why_not,
                 "a build made where nvcc is found", "use device: cpu");
 }

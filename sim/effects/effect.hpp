@@ -23,6 +23,7 @@
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
 //   template <class T> static void lighten(Rest<T>&, T copies)   optional: the element works on
 //       copies of its vertices that have their mass divided by `copies` at most
+//   static constexpr bool has_reference = true;  optional: states reference multipliers (Evaluation)
 //   static constexpr bool needs_rate = true;     optional: no force at equilibrium
 //   static constexpr bool loses_stiffness = true;   optional: a law that gives way when compressed,
 //                                                and turns inside out under a load that it cannot
@@ -97,6 +98,13 @@ template <class Effect>
 inline constexpr int memory_of = [] {
   if constexpr (requires { Effect::memory; }) return Effect::memory;
   return 0;
+}();
+
+// Whether an effect states reference multipliers, below.
+template <class Effect>
+inline constexpr bool has_reference = [] {
+  if constexpr (requires { Effect::has_reference; }) return Effect::has_reference;
+  return false;
 }();
 
 // One element's constraints at one state. With C, its gradients by vertex and k = 1/alpha, the

@@ -25,6 +25,7 @@ struct NeoHookean {
   static constexpr EffectKind kind = EffectKind::element;
   static constexpr int arity = 4;
   static constexpr int rows = 2;
+  static constexpr bool has_reference = true;
   static constexpr bool projectable = false;  // C_D is not zero at rest
 
   struct Params {

@@ -8,22 +8,31 @@
 // Macklin et al., "XPBD", 2016, equation 18, with all gradients taken at the same state). The
 // difference to gradients taken anew at every element is of the second order in the sweep's
 // corrections.
+//
+// The impulses are then affine in d. With R = (S^-1 + A)^-1 (arithmetic.hpp), r0 the residuals at
+// d = 0 and edges as below,
+//
+//   p = preload - sum_rows g (R (r0 + g . edge(d)))
+//     = sum_k c_k b_k,   c = offset - response (b . edge(d))
+//
+// where b are the gradients themselves or, for an effect with reference multipliers lambda0, the
+// preload and the gradients but the first: since preload = sum lambda0 g, that one is a sum of the
+// others, and what is stored is a quarter less. The preload keeps its accuracy where it is small.
 #pragma once
 
 #include "sim/solvers/arithmetic.hpp"
 
 namespace viscera::sim {
 
-// Elements of several vertices do not see a motion that these have in common, so the gradient at
+// Elements of several vertices do not see a motion that these have in common, so the direction at
 // the first vertex is minus the sum of the others, and only differences to it are needed; an
 // element of one vertex is tied to a place.
 template <class T, int rows, int arity>
 struct Linearized {
   static constexpr int stored = arity > 1 ? arity - 1 : 1;
-  Vec3<T> gradient[rows][stored];
-  Vec3<T> preload[stored];  // N
-  T response[rows][rows];   // multipliers from residuals: -diag(k) (I + A S)^-1
-  T offset[rows];           // the residual at d = 0
+  Vec3<T> direction[rows][stored];    // b
+  T response[rows * (rows + 1) / 2];  // symmetric: its lower triangle, row after row
+  T offset[rows];
 };
 
 // What a sweep linearises: more rows would keep more numbers than they save.
@@ -48,25 +57,48 @@ SIM_HD void linearize(const typename Effect::template Rest<T>& rest, const T (&m
   } else {
     Effect::evaluate(rest, u, d, c);
   }
-  T a[rows][rows];
+  T a[rows][rows], residual[rows];
   couple_rows(c, mobility, a);
   Vec3<T> edge[stored];
   differences(d, edge);
   for (int row = 0; row < rows; ++row) {
-    out.offset[row] = c.remainder[row];
+    residual[row] = c.remainder[row];
     for (int i = 0; i < arity; ++i) {
-      out.offset[row] += mobility[i] * dot(c.gradient[row][i], c.preload[i]);
+      residual[row] += mobility[i] * dot(c.gradient[row][i], c.preload[i]);
     }
     for (int i = 0; i < stored; ++i) {
-      out.gradient[row][i] = c.gradient[row][i + arity - stored];
-      out.offset[row] -= dot(out.gradient[row][i], edge[i]);
+      residual[row] -= dot(c.gradient[row][i + arity - stored], edge[i]);
     }
-    T unit[rows] = {}, y[rows];
-    unit[row] = T(1);
-    solve_rows(a, c.stiffness, unit, y);
-    for (int p = 0; p < rows; ++p) out.response[p][row] = c.stiffness[p] * y[p];
   }
-  for (int i = 0; i < stored; ++i) out.preload[i] = c.preload[i + arity - stored];
+  T first[rows] = {T(1)};  // of the first gradient, by b
+  if constexpr (has_reference<Effect>) {
+    const auto lambda0 = [&c](int row) {
+      return c.stiffness[row] * (c.remainder[row] - c.value[row]);
+    };
+    first[0] = select(lambda0(0) != T(0), T(1) / lambda0(0), T(0));
+    for (int row = 1; row < rows; ++row) first[row] = -(first[0] * lambda0(row));
+  }
+  // What a residual adds to c.
+  const auto answer = [&](const T(&to)[rows], T(&weight)[rows]) {
+    T y[rows];
+    solve_rows(a, c.stiffness, to, y);
+    for (int k = 0; k < rows; ++k) {
+      weight[k] = first[k] * c.stiffness[0] * y[0] + (k > 0 ? c.stiffness[k] * y[k] : T(0));
+    }
+  };
+  answer(residual, out.offset);
+  if constexpr (has_reference<Effect>) out.offset[0] += T(1);
+  for (int k = 0, at = 0; k < rows; ++k) {
+    T unit[rows] = {first[k]}, weight[rows];
+    if (k > 0) unit[k] = T(1);
+    answer(unit, weight);
+    for (int q = 0; q <= k; ++q) out.response[at++] = -weight[q];
+  }
+  for (int i = 0; i < stored; ++i) {
+    const int vertex = i + arity - stored;
+    out.direction[0][i] = has_reference<Effect> ? c.preload[vertex] : c.gradient[0][vertex];
+    for (int k = 1; k < rows; ++k) out.direction[k][i] = c.gradient[k][vertex];
+  }
 }
 
 // d_i += mobility_i p_i for one element.
@@ -76,21 +108,23 @@ SIM_HD void apply_linearized(const Linearized<T, rows, arity>& c, const T (&mobi
   constexpr int stored = Linearized<T, rows, arity>::stored;
   Vec3<T> edge[stored];
   differences(d, edge);
-  T residual[rows];
-  for (int row = 0; row < rows; ++row) {
-    residual[row] = c.offset[row];
-    for (int i = 0; i < stored; ++i) residual[row] += dot(c.gradient[row][i], edge[i]);
+  T along[rows], weight[rows];
+  for (int k = 0; k < rows; ++k) {
+    along[k] = T(0);
+    for (int i = 0; i < stored; ++i) along[k] += dot(c.direction[k][i], edge[i]);
+    weight[k] = c.offset[k];
   }
-  Vec3<T> p[stored];
-  for (int i = 0; i < stored; ++i) p[i] = c.preload[i];
-  for (int row = 0; row < rows; ++row) {
-    T weight = T(0);
-    for (int q = 0; q < rows; ++q) weight += c.response[row][q] * residual[q];
-    for (int i = 0; i < stored; ++i) p[i] += weight * c.gradient[row][i];
+  for (int k = 0, at = 0; k < rows; ++k) {
+    for (int q = 0; q <= k; ++q, ++at) {
+      weight[k] -= c.response[at] * along[q];
+      if (q < k) weight[q] -= c.response[at] * along[k];
+    }
   }
   for (int i = 0; i < stored; ++i) {
-    d[i + arity - stored] += mobility[i + arity - stored] * p[i];
-    if (arity > 1) d[0] -= mobility[0] * p[i];
+    Vec3<T> p = weight[0] * c.direction[0][i];
+    for (int k = 1; k < rows; ++k) p += weight[k] * c.direction[k][i];
+    d[i + arity - stored] += mobility[i + arity - stored] * p;
+    if (arity > 1) d[0] -= mobility[0] * p;
   }
 }
 

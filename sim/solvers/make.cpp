@@ -35,6 +35,20 @@ std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
   return make_cpu(model, scene, options);
 }
 
+std::unique_ptr<Ensemble> make_ensemble_on_cpu(const Model& model, const Scene& scene,
+                                               const SolverOptions& options, int members,
+                                               const Tune& tune) {
+  return std::make_unique<Separately>(model, scene, members, tune,
+                                      [&](const Model& own_model, const Scene& own_scene) {
+                                        return make_on_cpu(own_model, own_scene, options);
+                                      });
+}
+
+std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
+                                     const SolverOptions& options) {
+  return std::make_unique<OnlyMember>(make_ensemble_on_cuda(model, scene, options, 1, nullptr));
+}
+
 std::string what_cuda_lacks(const Scene& scene, const SolverOptions& options) {
   if (options.method != Method::xpbd) return "this solver";
   if (options.scheme == Scheme::jacobi) return "this scheme";

@@ -7,8 +7,8 @@
 
 #include "sim/model.hpp"
 #include "sim/scene.hpp"
+#include "sim/solvers/ensemble.hpp"
 #include "sim/solvers/options.hpp"
-#include "sim/solvers/solver.hpp"
 
 namespace viscera::sim {
 
@@ -23,6 +23,15 @@ std::string what_cuda_lacks(const Scene& scene, const SolverOptions& options);
 // lost; Refusal(scene) as above.
 std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
                                      const SolverOptions& options);
+
+// Members one after the other on the CPU; side by side on CUDA by block Gauss-Seidel, where they
+// share all that does not differ. Refused as above.
+std::unique_ptr<Ensemble> make_ensemble_on_cpu(const Model& model, const Scene& scene,
+                                               const SolverOptions& options, int members,
+                                               const Tune& tune);
+std::unique_ptr<Ensemble> make_ensemble_on_cuda(const Model& model, const Scene& scene,
+                                                const SolverOptions& options, int members,
+                                                const Tune& tune);
 
 // The name of the device that make_on_cuda would use, or why there is none.
 struct CudaDevice {

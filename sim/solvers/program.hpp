@@ -108,17 +108,18 @@ void for_each_slot(Slots& slots, Function&& function) {
   });
 }
 
-// What the elements of a backend keep from one substep to the next, to and from a state.
-template <class Slots>
-void save_memory(const Slots& slots, State& state) {
+// What the elements of a backend keep from one substep to the next, to and from a state; a backend
+// of several members says whose.
+template <class Slots, class... Member>
+void save_memory(const Slots& slots, State& state, Member... member) {
   for_each_slot<EffectKind::element>(
-      slots, [&state]<class Effect>(const auto& own) { own.save_memory(state.memory); });
+      slots, [&]<class Effect>(const auto& own) { own.save_memory(state.memory, member...); });
 }
-template <class Slots>
-void load_memory(Slots& slots, const State& state) {
+template <class Slots, class... Member>
+void load_memory(Slots& slots, const State& state, Member... member) {
   std::span<const double> memory = state.memory;
   for_each_slot<EffectKind::element>(
-      slots, [&memory]<class Effect>(auto& own) { own.load_memory(memory); });
+      slots, [&]<class Effect>(auto& own) { own.load_memory(memory, member...); });
 }
 
 template <class T>

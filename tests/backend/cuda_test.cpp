@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdlib>
+#include <set>
 
 #include "sim/refusal.hpp"
 #include "sim/stability.hpp"
@@ -147,6 +148,46 @@ TEST_F(Cuda, OtherValuesGiveTheRunThatStartsWithThem) {
     }
     EXPECT_EQ(changed->state().hash(), fresh->state().hash());
   }
+}
+
+// More members than run at once, in one block and in several.
+TEST_F(Cuda, AMemberGivesTheBitsOfARunAlone) {
+  const Model model = make_cube(4);
+  const Tune tune = [](int member, Model& own, Scene& scene) {
+    for (Material& material : own.materials) material.youngs_modulus *= 1.0 + member % 3;
+    scene.params<Gravity>()[0].acceleration *= 1.0 + 0.1 * (member % 2);
+  };
+  constexpr int members = 300;
+  for (const int block_tets : {50, 1000}) {
+    const SolverOptions options{.scheme = Scheme::block_gauss_seidel, .block_tets = block_tets};
+    const auto all = make_ensemble_on_cuda(model, drop_scene(), options, members, tune);
+    for (int frame = 0; frame < 5; ++frame) all->advance_frame();
+    std::set<std::uint64_t> different;
+    for (int member = 0; member < members; member += 37) {
+      const auto [own_model, own_scene] = tuned(model, drop_scene(), member, tune);
+      const auto alone = make_on_cuda(own_model, own_scene, options);
+      for (int frame = 0; frame < 5; ++frame) alone->advance_frame();
+      EXPECT_EQ(all->state(member).hash(), alone->state().hash()) << member;
+      EXPECT_EQ(all->contact_count(member), alone->contact_count()) << member;
+      different.insert(alone->state().hash());
+    }
+    EXPECT_EQ(different.size(), 6u);
+  }
+}
+
+TEST_F(Cuda, AMemberIsTakenUpWhereItWasLeft) {
+  const Model model = make_cube(4);
+  const SolverOptions options{.scheme = Scheme::block_gauss_seidel, .block_tets = 50};
+  const auto ensemble = make_ensemble_on_cuda(model, drop_scene(), options, 3, nullptr);
+  for (int frame = 0; frame < 5; ++frame) ensemble->advance_frame();
+  const State left = ensemble->state(1);
+  for (int frame = 0; frame < 5; ++frame) ensemble->advance_frame();
+  const State end = ensemble->state(1);
+  ensemble->set_state(2, left);
+  for (int frame = 0; frame < 5; ++frame) ensemble->advance_frame();
+  EXPECT_EQ(ensemble->state(2).hash(), end.hash());
+  EXPECT_EQ(ensemble->state(2).step, end.step);
+  EXPECT_NE(ensemble->state(1).hash(), end.hash());
 }
 
 TEST_F(Cuda, ABodyWithoutForcesStaysStill) {

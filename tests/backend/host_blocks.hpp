@@ -13,26 +13,27 @@ namespace viscera::sim {
 template <class T>
 class HostBlocks final : public Solver {
  public:
+  static constexpr std::size_t ample = std::size_t{1} << 40;  // bytes for a block's work
+
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized)
       : HostBlocks(model, scene, tets_per_block, linearized, team_for(tets_per_block)) {}
-  HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized, Team team)
+  HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized, Team team,
+             std::size_t room = ample)
       : program_(model, scene),
         layout_(model, program_, tets_per_block, team),
         linearized_(linearized),
-        rest_(layout_.copy_count()),
+        room_(room),
         v_(layout_.copy_count()),
         u_(layout_.copy_count()),
         d_(layout_.copy_count()) {
     scene_.dt = static_cast<T>(program_.dt);
+    const BlockCopies<T> copies = layout_.copies(program_);
+    rest_ = copies.rest;
+    leader_ = copies.leader;
     for (int copy = 0; copy < layout_.copy_count(); ++copy) {
-      const int vertex = layout_.vertex_of(copy);
-      const T w = program_.inverse_mass[vertex];
-      const T shares = static_cast<T>(layout_.copies_of(vertex).size());
-      rest_[copy] = program_.rest[vertex];
-      u_[copy].w = w;
-      d_[copy].w = shares * w * (scene_.dt * scene_.dt);
+      u_[copy].w = copies.inverse_mass[copy];
+      d_[copy].w = copies.mobility[copy];
     }
-    leader_.assign(layout_.copy_count(), -1);
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& effect : std::get<i>(program_.effects)) view<Effect, i>(effect);
       auto& views = static_cast<BlockViews<Effect, T>&>(scene_.effects);
@@ -47,16 +48,16 @@ class HostBlocks final : public Solver {
       const Step<T> step = program_.step(step_++);
       for (int block = 0; block < layout_.block_count(); ++block) {
         const auto x = vertices(block);
-        for (int i = 0; i < x.count; ++i) begin_copy(scene_, step, x, i);
+        for (int i = 0; i < x.count; ++i) begin_copy(member_, step, x, i);
         for_each_view<EffectKind::element>(
-            scene_, [&]<class Effect>(const auto& view, int) { sweep<Effect>(view, block, x); });
+            member_, [&]<class Effect>(const auto& view, int) { sweep<Effect>(view, block, x); });
       }
       const std::vector<Row<T>> swept = d_;
       for (int block = 0; block < layout_.block_count(); ++block) {
         const auto x = vertices(block);
         const int first = layout_.copies_in(block).begin;
         for (int i = 0; i < x.count; ++i) {
-          finish_copy(scene_, step, x, i, average(swept, layout_.vertex_of(first + i)));
+          finish_copy(member_, step, x, i, average(swept, layout_.vertex_of(first + i)));
         }
       }
     }
@@ -112,19 +113,13 @@ class HostBlocks final : public Solver {
   template <class Effect, std::size_t i>
   void view(const Prepared<Effect, T>& effect) {
     if constexpr (Effect::kind == EffectKind::element) {
-      auto& own =
-          std::get<i>(own_).emplace_back(new ElementsOf<Effect>{layout_.lay_out(effect), {}});
+      auto& own = std::get<i>(own_).emplace_back(
+          new ElementsOf<Effect>{layout_.lay_out(effect, work_room<Effect, T>(room_)), {}});
       own->memory.resize(own->rest.size() * memory_of<Effect>);
       std::get<i>(views_).push_back({own->vertices.data(), own->rest.data(),
-                                     own->phase_begin.data(), own->block_phase.data(),
-                                     own->memory.data(), linearized_ && is_linearizable<Effect>});
+                                     own->phase_begin.data(), own->piece_phase.data(),
+                                     own->block_piece.data(), own->memory.data()});
     } else if constexpr (requires { effect.device; }) {
-      if constexpr (Effect::kind == EffectKind::motion) {
-        const int k = motions_++;
-        for (const int vertex : effect.vertices) {
-          for (const int copy : layout_.copies_of(vertex)) leader_[copy] = k;
-        }
-      }
       std::get<i>(views_).push_back({effect.device});
     }
   }
@@ -134,17 +129,24 @@ class HostBlocks final : public Solver {
     const int first = copies.begin;
     return {u_.data() + first,    d_.data() + first,
             v_.data() + first,    corrections_.data() + scene_.contacts * first,
-            rest_.data() + first, motions_ > 0 ? leader_.data() + first : nullptr,
+            rest_.data() + first, leader_.empty() ? nullptr : leader_.data() + first,
             copies.end - first};
   }
 
   template <class Effect>
   void sweep(const BlockView<Effect, T>& view, int block, const BlockVertices<T>& x) {
-    const int begin = view.phase_begin[view.block_phase[block]];
-    const int end = view.phase_begin[view.block_phase[block + 1]];
+    for (int piece = view.block_piece[block]; piece < view.block_piece[block + 1]; ++piece) {
+      sweep_piece(view, view.phase_begin[view.piece_phase[piece]],
+                  view.phase_begin[view.piece_phase[piece + 1]], x);
+    }
+  }
+
+  template <class Effect>
+  void sweep_piece(const BlockView<Effect, T>& view, int begin, int end,
+                   const BlockVertices<T>& x) {
     const auto memory = [&view](int e) { return view.memory + e * memory_of<Effect>; };
     if constexpr (is_linearizable<Effect>) {
-      if (view.linearized) {
+      if (linearized_) {
         std::vector<LinearizedElement<Effect, T>> linearized(end - begin);
         for (int e = begin; e < end; ++e) {
           linearize_element<Effect>(x, view.vertices[e], view.rest[e].rest, memory(e),
@@ -172,11 +174,12 @@ class HostBlocks final : public Solver {
   Program<T> program_;
   BlockLayout layout_;
   bool linearized_;
+  std::size_t room_;
   BlockScene<T> scene_;
+  MemberScene<T> member_{scene_, 0};
   Effects::Slots<View> views_;
   Effects::Slots<Own> own_;
   std::uint64_t step_ = 0;
-  int motions_ = 0;
   std::vector<Vec3<T>> rest_, v_, corrections_;
   std::vector<Row<T>> u_, d_;
   std::vector<int> leader_;

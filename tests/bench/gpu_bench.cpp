@@ -4,6 +4,8 @@
 // Gauss-Seidel in fp64 with many substeps on the same mesh: in motion at half a second, and at
 // rest.
 //   bench_gpu CSV E_kPa NU MESH.vtu…
+// and what the members of an ensemble cost, which differ in E:
+//   bench_gpu ensemble CSV MESH.vtu
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -62,34 +64,41 @@ Model held_body(const char* file, const sim::Material& material) {
   return model;
 }
 
-struct Motion {
-  State end;
-  double frame_ms, q1, q3;  // median, quartiles
+// Under its own weight.
+sim::Scene tissue(int substeps) {
+  sim::Scene scene;
+  scene.params<sim::NeoHookean>().emplace_back();
+  scene.params<sim::Gravity>().emplace_back();
+  scene.time.substeps = substeps;
+  return scene;
+}
+
+struct Times {
+  double median, q1, q3;  // ms a frame
 };
 
-Motion move(sim::Solver& solver, int frames) {
+template <class Advance>
+Times time_frames(Advance&& advance, int frames) {
   std::vector<double> ms;
   for (int frame = 0; frame < frames; ++frame) {
     const auto begin = std::chrono::steady_clock::now();
-    solver.advance_frame();
+    advance();
     ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin)
                      .count());
   }
   std::ranges::sort(ms);
-  return {solver.state(), ms[ms.size() / 2], ms[ms.size() / 4], ms[3 * ms.size() / 4]};
+  return {ms[ms.size() / 2], ms[ms.size() / 4], ms[3 * ms.size() / 4]};
 }
 
 void run(const sim::Material& material, const char* file, std::string& csv) {
   const Model model = held_body(file, material);
-  sim::Scene scene;
-  scene.params<sim::NeoHookean>().emplace_back();
-  scene.params<sim::Gravity>().emplace_back();
   const auto make = [&](const sim::SolverOptions& options, int substeps) {
-    scene.time.substeps = substeps;
-    return make_on_cuda(model, scene, options);
+    return make_on_cuda(model, tissue(substeps), options);
   };
   const sim::SolverOptions exact{.precision = Precision::fp64};
-  const State reference = move(*make(exact, reference_substeps), motion_frames).end;
+  const auto converged = make(exact, reference_substeps);
+  for (int frame = 0; frame < motion_frames; ++frame) converged->advance_frame();
+  const State reference = converged->state();
   const double size = root_mean_square(reference.u, nullptr);
   fmt::print("{} tets, E {} kPa, nu {}; rms displacement {:.2f} mm\n", model.tet_count(),
              material.youngs_modulus / 1e3, material.poisson_ratio, 1e3 * size);
@@ -98,19 +107,40 @@ void run(const sim::Material& material, const char* file, std::string& csv) {
     const auto solver = make(row.options, row.substeps);
     const double setup_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - made).count();
-    const Motion motion = move(*solver, motion_frames);
-    const double error = root_mean_square(motion.end.u, &reference.u) / size;
-    const double us = 1e3 * motion.frame_ms / row.substeps;
+    const Times times = time_frames([&] { solver->advance_frame(); }, motion_frames);
+    const double error = root_mean_square(solver->state().u, &reference.u) / size;
+    const double us = 1e3 * times.median / row.substeps;
     const std::string line = fmt::format(
         "{:<18} {:3} substeps {:8.3f} ms a frame ({:.3f}, {:.3f}) {:7.2f} us a substep, error "
         "{:.3f} %, set-up {:.2f} s\n",
-        row.name, row.substeps, motion.frame_ms, motion.q1, motion.q3, us, 100.0 * error, setup_s);
+        row.name, row.substeps, times.median, times.q1, times.q3, us, 100.0 * error, setup_s);
     std::fputs(line.c_str(), stdout);
     std::fflush(stdout);
-    csv +=
-        fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.3f},{:.4f},{:.3f}\n", model.tet_count(),
-                    material.youngs_modulus, material.poisson_ratio, row.name, row.substeps,
-                    motion.frame_ms, motion.q1, motion.q3, us, 100.0 * error, setup_s);
+    csv += fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.3f},{:.4f},{:.3f}\n",
+                       model.tet_count(), material.youngs_modulus, material.poisson_ratio, row.name,
+                       row.substeps, times.median, times.q1, times.q3, us, 100.0 * error, setup_s);
+  }
+}
+
+void run_ensembles(const char* file, std::string& csv) {
+  const Model model = held_body(file, {5e3, 0.45, 1060.0, 0.0});
+  const auto spread = [](int member, Model& own, sim::Scene&) {
+    for (auto& material : own.materials) material.youngs_modulus *= 0.8 + 0.4 * (member % 64) / 64;
+  };
+  for (const int members : {1, 2, 4, 8, 16, 32, 64, 132, 256, 264}) {
+    const auto made = std::chrono::steady_clock::now();
+    const auto ensemble = make_ensemble_on_cuda(
+        model, tissue(64), {.scheme = Scheme::block_gauss_seidel}, members, spread);
+    const double setup_s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - made).count();
+    const Times times = time_frames([&] { ensemble->advance_frame(); }, motion_frames);
+    const double us = 1e3 * times.median / 64 / members;
+    fmt::print(
+        "{} tets, {:3} members: {:8.3f} ms a frame ({:.3f}, {:.3f}), {:6.3f} us a member and "
+        "substep, set-up {:.2f} s\n",
+        model.tet_count(), members, times.median, times.q1, times.q3, us, setup_s);
+    csv += fmt::format("{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.3f}\n", model.tet_count(), members,
+                       times.median, times.q1, times.q3, us, setup_s);
   }
 }
 
@@ -118,7 +148,19 @@ void run(const sim::Material& material, const char* file, std::string& csv) {
 }  // namespace viscera
 
 int main(int argc, char** argv) {
-  if (argc < 5) return std::fputs("usage: bench_gpu CSV E_kPa NU MESH.vtu...\n", stderr), 2;
+  if (argc < 4) {
+    return std::fputs(
+               "usage: bench_gpu CSV E_kPa NU MESH.vtu...\n"
+               "       bench_gpu ensemble CSV MESH.vtu\n",
+               stderr),
+           2;
+  }
+  if (argv[1] == std::string("ensemble")) {
+    std::string csv = "tets,members,frame_ms,q1,q3,us_per_member_and_substep,setup_s\n";
+    viscera::run_ensembles(argv[3], csv);
+    std::ofstream(argv[2]) << csv;
+    return 0;
+  }
   const viscera::sim::Material material{.youngs_modulus = 1e3 * std::atof(argv[2]),
                                         .poisson_ratio = std::atof(argv[3]),
                                         .density = 1060.0,

@@ -41,16 +41,17 @@ TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
   const Model model = make_cube(5);
   const Program<double> program(model, elastic_scene());
   constexpr int lanes = 8, most_elements = 6;
+  constexpr WorkRoom room{.all = 200, .element = 10, .phase = 4, .more_phases = 2};
   const BlockLayout layout(model, program, tets_per_block, {lanes, most_elements});
   const auto elements =
-      layout.lay_out(std::get<Effects::index_of<NeoHookean>()>(program.effects)[0]);
+      layout.lay_out(std::get<Effects::index_of<NeoHookean>()>(program.effects)[0], room);
   std::vector<int> seen(model.tet_count());
   for (const int e : elements.element_of) ++seen[e];
   EXPECT_EQ(seen, std::vector<int>(model.tet_count(), 1));
   for (int block = 0; block < layout.block_count(); ++block) {
     const int copies = layout.copies_in(block).end - layout.copies_in(block).begin;
     std::vector<int> met(copies);
-    for (int p = elements.block_phase[block]; p < elements.block_phase[block + 1]; ++p) {
+    for (int p = elements.block_phase(block); p < elements.block_phase(block + 1); ++p) {
       std::set<int> in_phase;
       const int begin = elements.phase_begin[p], end = elements.phase_begin[p + 1];
       EXPECT_LE(end - begin, lanes);
@@ -64,6 +65,13 @@ TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
         }
       }
     }
+  }
+  EXPECT_LE(elements.most_work, room.all);
+  EXPECT_GT(elements.block_piece.back(), 2 * layout.block_count());
+  for (std::size_t piece = 0; piece + 1 < elements.piece_phase.size(); ++piece) {
+    const int begin = elements.piece_phase[piece], end = elements.piece_phase[piece + 1];
+    EXPECT_LE(room.taken(elements.phase_begin[end] - elements.phase_begin[begin], end - begin),
+              elements.most_work);
   }
 }
 
@@ -107,6 +115,18 @@ TEST(Blocks, LinearisedElementsMoveAsThoseEvaluatedAnew) {
   HostBlocks<double> linearised(model, scene, tets_per_block, true);
   HostBlocks<double> direct(model, scene, tets_per_block, false);
   const State a = after(linearised, 20), b = after(direct, 20);
+  EXPECT_LE(largest_difference(a, b), 1e-3 * largest(b.u));
+  EXPECT_GT(largest_difference(a, b), 0.0);
+}
+
+// Little room only makes the gradients newer.
+TEST(Blocks, PiecesMoveAsTheWhole) {
+  const Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
+  const Scene scene = hanging_scene();
+  const Team team = team_for(tets_per_block);
+  HostBlocks<double> whole(model, scene, tets_per_block, true, team);
+  HostBlocks<double> pieces(model, scene, tets_per_block, true, team, 2000);
+  const State a = after(whole, 20), b = after(pieces, 20);
   EXPECT_LE(largest_difference(a, b), 1e-3 * largest(b.u));
   EXPECT_GT(largest_difference(a, b), 0.0);
 }
