@@ -23,7 +23,7 @@
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
 //   template <class T> static void lighten(Rest<T>&, T copies)   optional: the element works on
 //       copies of its vertices that have their mass divided by `copies` at most
-//   static constexpr bool has_reference = true;  optional: states reference multipliers (Evaluation)
+//   static constexpr bool has_reference = true;   optional: see Evaluation
 //   static constexpr bool needs_rate = true;     optional: no force at equilibrium
 //   static constexpr bool loses_stiffness = true;   optional: a law that gives way when compressed,
 //                                                and turns inside out under a load that it cannot
