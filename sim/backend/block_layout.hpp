@@ -39,61 +39,55 @@ struct alignas(16) AlignedRest {
   Rest rest;
 };
 
-// The memory that a block has for its work on one effect, bytes.
-struct WorkRoom {
-  std::size_t all;
-  std::size_t element;  // of one
-  std::size_t phase;    // of one
-  int more_phases;      // that a table of them has at its end
-
-  std::size_t taken(int elements, int phases) const {
-    return elements * element + (phases + more_phases) * phase;
-  }
-};
-
 // The elements of one effect, block by block, within a block piece by piece, within a piece phase
-// by phase. A block works on a piece at a time: as many phases as there is room for. The elements
-// of a phase share no vertex and are no more than the lanes.
+// by phase. A block works on a piece at a time: on as many elements as it has room for, and all
+// pieces of the fullest block are of one size. The elements of a phase share no vertex and are no
+// more than the lanes.
 template <class Effect, class T>
 struct BlockElements {
   std::vector<LocalVertices<Effect::arity>> vertices;
   std::vector<AlignedRest<typename Effect::template Rest<T>>> rest;
-  std::vector<int> element_of;         // in the order of the program
-  std::vector<int> phase_begin = {0};  // [phases + 1] first element
-  std::vector<int> piece_phase = {0};  // [pieces + 1] first phase
-  std::vector<int> block_piece = {0};  // [blocks + 1] first piece
-  std::size_t most_work = 0;           // bytes of the largest piece
+  std::vector<int> element_of;             // in the order of the program
+  std::vector<int> phase_begin = {0};      // [phases + 1] first element
+  std::vector<int> piece_phase = {0};      // [pieces + 1] first phase
+  std::vector<int> block_piece = {0};      // [blocks + 1] first piece
+  int most_elements = 0, most_phases = 0;  // of a piece
 
-  int block_phase(int block) const { return piece_phase[block_piece[block]]; }  // the first
+  int element_count() const { return static_cast<int>(element_of.size()); }
+  int phase_count() const { return static_cast<int>(phase_begin.size()) - 1; }
+  int elements_in_phase() const { return element_count() - phase_begin.back(); }
+  int elements_in_piece() const { return element_count() - phase_begin[piece_phase.back()]; }
 
-  // After the last element of a phase.
-  void end_phase(const WorkRoom& room) {
-    const int elements = static_cast<int>(element_of.size());
-    const int phase = static_cast<int>(phase_begin.size()) - 1;
-    const int first = piece_phase.back();
-    const bool full = room.taken(elements - phase_begin[first], phase + 1 - first) > room.all;
-    if (full && phase > first) end_piece(room);
-    phase_begin.push_back(elements);
+  void end_phase() {
+    if (elements_in_phase() > 0) phase_begin.push_back(element_count());
   }
-  // After the last phase of a piece.
-  void end_piece(const WorkRoom& room) {
-    const int first = piece_phase.back(), end = static_cast<int>(phase_begin.size()) - 1;
-    if (first == end) return;
-    most_work = std::max(most_work, room.taken(phase_begin[end] - phase_begin[first], end - first));
-    piece_phase.push_back(end);
+  void end_piece() {
+    end_phase();
+    const int phases = phase_count() - piece_phase.back();
+    if (phases == 0) return;
+    most_elements = std::max(most_elements, elements_in_piece());
+    most_phases = std::max(most_phases, phases);
+    piece_phase.push_back(phase_count());
   }
-  void end_block(const WorkRoom& room) {
-    end_piece(room);
+  void end_block() {
+    end_piece();
     block_piece.push_back(static_cast<int>(piece_phase.size()) - 1);
   }
 };
 
-// Constant data of the copies of vertices.
+// A vertex as one block has it: one or several copies, each with its share of the mass.
+struct LocalVertex {
+  int vertex;
+  Range copies;  // counted from the block's first
+};
+
+// Constant data of the local vertices, in the order of the layout.
 template <class T>
-struct BlockCopies {
+struct LocalConstants {
   std::vector<Vec3<T>> rest;    // m
   std::vector<T> inverse_mass;  // 1/kg, the vertex's
-  std::vector<T> mobility;      // s2/kg, of the copy, which has its share of the mass
+  std::vector<T> mobility;      // s2/kg, of a copy
+  std::vector<T> share;         // of a copy in the average over all of the vertex
   std::vector<int> leader;      // which motion effect leads it, or -1; empty where there is none
 };
 
@@ -129,46 +123,58 @@ class BlockLayout {
       if (!touched[v]) split_.touch(blocks_.block_of(alone), alone);
     }
     split_.number_copies();
+    number_locals();
   }
 
   int block_count() const { return blocks_.count(); }
   int lanes() const { return team_.lanes; }
-  int copy_count() const { return split_.count(); }
-  int vertex_of(int copy) const { return split_.vertex_of(copy); }
   std::span<const int> copies_of(int vertex) const { return split_.copies_of(vertex); }
   Range copies_in(int block) const { return split_.range_of({block, block + 1}); }
 
+  // Block by block; in a block first those that others have too.
+  std::span<const LocalVertex> locals() const { return locals_; }
+  Range locals_in(int block) const { return {local_begin_[block], local_begin_[block + 1]}; }
+  Range shared_in(int block) const { return {local_begin_[block], shared_end_[block]}; }
+  // Of one vertex, in the order of their blocks.
+  const std::vector<int>& locals_of(int vertex) const { return locals_of_[vertex]; }
+
   template <class T>
-  BlockCopies<T> copies(const Program<T>& program) const {
+  LocalConstants<T> constants(const Program<T>& program) const {
     const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
-    BlockCopies<T> result;
-    for (int copy = 0; copy < copy_count(); ++copy) {
-      const int vertex = vertex_of(copy);
-      const T w = program.inverse_mass[vertex];
-      result.rest.push_back(program.rest[vertex]);
+    LocalConstants<T> result;
+    for (const LocalVertex& local : locals_) {
+      const T copies = static_cast<T>(copies_of(local.vertex).size());
+      const T w = program.inverse_mass[local.vertex];
+      result.rest.push_back(program.rest[local.vertex]);
       result.inverse_mass.push_back(w);
-      result.mobility.push_back(static_cast<T>(copies_of(vertex).size()) * w * dt2);
+      result.mobility.push_back(copies * w * dt2);
+      result.share.push_back(T(1) / copies);
     }
     int motions = 0;
     for_each_slot<EffectKind::motion>(program.effects, [&]<class Effect>(const auto& motion) {
-      result.leader.resize(copy_count(), -1);
+      result.leader.resize(locals_.size(), -1);
       for (const int vertex : motion.vertices) {
-        for (const int copy : copies_of(vertex)) result.leader[copy] = motions;
+        for (const int local : locals_of(vertex)) result.leader[local] = motions;
       }
       ++motions;
     });
     return result;
   }
 
+  // `capacity` elements of a piece at most.
   template <class Effect, class T>
-  BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect, const WorkRoom& room) const {
+  BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect, int capacity) const {
     const auto members = members_of(effect);
+    int most = 1;
+    for (const auto& elements : members) most = std::max(most, static_cast<int>(elements.size()));
+    const int pieces = (most - 1) / capacity + 1;
+    const int piece_size = (most - 1) / pieces + 1;
     Meetings meetings(split_.vertex_count());
     BlockElements<Effect, T> result;
     for (int block = 0; block < block_count(); ++block) {
       meetings.count(effect, members[block]);
-      append(effect, block, members[block], meetings, room, result);
-      result.end_block(room);
+      append(effect, block, members[block], meetings, piece_size, result);
+      result.end_block();
     }
     result.rest = rest_of(effect, result.element_of);
     return result;
@@ -221,7 +227,7 @@ class BlockLayout {
 
   template <class Effect, class T>
   void append(const Prepared<Effect, T>& effect, int block, const std::vector<int>& members,
-              Meetings& meetings, const WorkRoom& room, BlockElements<Effect, T>& to) const {
+              Meetings& meetings, int piece_size, BlockElements<Effect, T>& to) const {
     constexpr int arity = Effect::arity;
     const Range copies = copies_in(block);
     std::vector<std::array<int, arity>> local;
@@ -236,16 +242,37 @@ class BlockLayout {
     const Coloring coloring = color_elements<arity>(std::span<const std::array<int, arity>>(local),
                                                     copies.end - copies.begin);
     for (int color = 0; color < coloring.color_count(); ++color) {
-      const int color_end = coloring.color_begin[color + 1];
-      for (int at = coloring.color_begin[color]; at < color_end; ++at) {
+      for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
+        if (to.elements_in_piece() == piece_size) to.end_piece();
+        if (to.elements_in_phase() == team_.lanes) to.end_phase();
         const int e = coloring.order[at];
         to.element_of.push_back(members[e]);
         auto& vertices = to.vertices.emplace_back();
         for (int i = 0; i < arity; ++i) vertices.index[i] = static_cast<std::uint16_t>(local[e][i]);
-        const int size = static_cast<int>(to.element_of.size());
-        const bool full = size - to.phase_begin.back() == team_.lanes;
-        if (full || at + 1 == color_end) to.end_phase(room);
       }
+      to.end_phase();
+    }
+  }
+
+  void number_locals() {
+    locals_of_.resize(split_.vertex_count());
+    for (int block = 0; block < block_count(); ++block) {
+      const Range all = copies_in(block);
+      std::vector<LocalVertex> shared, inner;
+      for (int first = all.begin, end = first; first < all.end; first = end) {
+        const int vertex = split_.vertex_of(first);
+        while (end < all.end && split_.vertex_of(end) == vertex) ++end;
+        const bool whole = static_cast<int>(copies_of(vertex).size()) == end - first;
+        (whole ? inner : shared).push_back({vertex, {first - all.begin, end - all.begin}});
+      }
+      local_begin_.push_back(static_cast<int>(locals_.size()));
+      locals_.insert(locals_.end(), shared.begin(), shared.end());
+      shared_end_.push_back(static_cast<int>(locals_.size()));
+      locals_.insert(locals_.end(), inner.begin(), inner.end());
+    }
+    local_begin_.push_back(static_cast<int>(locals_.size()));
+    for (std::size_t local = 0; local < locals_.size(); ++local) {
+      locals_of_[locals_[local].vertex].push_back(static_cast<int>(local));
     }
   }
 
@@ -256,6 +283,10 @@ class BlockLayout {
   Blocks blocks_;
   SplitVertices split_;
   Team team_;
+  std::vector<LocalVertex> locals_;
+  std::vector<int> local_begin_;             // [blocks + 1]
+  std::vector<int> shared_end_;              // [blocks]
+  std::vector<std::vector<int>> locals_of_;  // [vertices]
 };
 
 }  // namespace viscera::sim

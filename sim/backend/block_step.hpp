@@ -3,6 +3,8 @@
 // tests call them one after the other.
 #pragma once
 
+#include <limits>
+
 #include "sim/backend/block_layout.hpp"
 #include "sim/row.hpp"
 #include "sim/solvers/linearized.hpp"
@@ -18,22 +20,68 @@ template <class Effect, class T>
 struct BlockView<Effect, T, EffectKind::element> {
   using Local = LocalVertices<Effect::arity>;
   using Rest = AlignedRest<typename Effect::template Rest<T>>;
+  // From the block's first element on.
   const Local* vertices;
   const Rest* rest;
-  const int* phase_begin;
-  const int* piece_phase;
-  const int* block_piece;
   T* memory;
+  const int* phase_begin;  // [phases + 1] first element
+  const int* piece_phase;  // [pieces + 1] first phase
+  int pieces;
 };
 template <class Effect, class T>
 struct BlockView<Effect, T, EffectKind::region> {};
 template <class Effect, class T>
 struct BlockView<Effect, T, EffectKind::self_contact> {};
 
-// All that a scene names, for every member of an ensemble.
+// The same for all blocks together.
+template <class Effect, class T, EffectKind kind = Effect::kind>
+struct EffectView : BlockView<Effect, T> {};
+template <class Effect, class T>
+struct EffectView<Effect, T, EffectKind::element> {
+  using Block = BlockView<Effect, T>;
+  const typename Block::Local* vertices;
+  const typename Block::Rest* rest;
+  T* memory;
+  const int* phase_begin;
+  const int* piece_phase;
+  const int* block_piece;  // [blocks + 1] first piece
+};
+
+// A sweep reads ahead in the table of phases, where the last bound stands again and again.
+inline constexpr int phases_ahead = 4;
+inline int table_size(int pieces, int phases) {
+  return pieces + 1 + phases + phases_ahead;
+}
+
+// The part of one block, by `lanes` lanes of which this is `lane`. Fills `table`, and returns where
+// it ends.
+template <class Effect, class T>
+SIM_HD int* view_of_block(const EffectView<Effect, T>& all, int block, int lane, int lanes,
+                          int* table, BlockView<Effect, T>& view) {
+  if constexpr (Effect::kind == EffectKind::element) {
+    const int piece = all.block_piece[block], pieces = all.block_piece[block + 1] - piece;
+    const int phase = all.piece_phase[piece], phases = all.piece_phase[piece + pieces] - phase;
+    const int first = all.phase_begin[phase];
+    int* const bounds = table + pieces + 1;
+    for (int p = lane; p <= pieces; p += lanes) table[p] = all.piece_phase[piece + p] - phase;
+    for (int p = lane; p < phases + phases_ahead; p += lanes) {
+      bounds[p] = all.phase_begin[phase + (p < phases ? p : phases)] - first;
+    }
+    if (lane == 0) {
+      T* const memory = all.memory + static_cast<std::size_t>(first) * memory_of<Effect>;
+      view = {all.vertices + first, all.rest + first, memory, bounds, table, pieces};
+    }
+    return bounds + phases + phases_ahead;
+  } else {
+    if (lane == 0) view = all;
+    return table;
+  }
+}
+
+// All that a scene names.
 template <class Effect, class T>
 struct BlockViews {
-  const BlockView<Effect, T>* items = nullptr;  // [members * count]
+  const BlockView<Effect, T>* items = nullptr;
   int count = 0;
 };
 template <class T>
@@ -41,18 +89,7 @@ struct BlockScene {
   template <class Effect>
   using Views = BlockViews<Effect, T>;
   Effects::Joined<Views> effects;
-  int contacts = 0;  // contact effects named
-  T dt;              // s
-
-  template <class Effect>
-  SIM_HD const Views<Effect>& views() const {
-    return effects;
-  }
-};
-template <class T>
-struct MemberScene {
-  const BlockScene<T>& all;
-  int member;
+  T dt;  // s
 };
 
 // A set of effects, one bit each in the registry's order: those that a kernel is compiled for.
@@ -64,35 +101,48 @@ inline constexpr EffectSet effect_set = ((EffectSet{1} << Effects::index_of<Name
 
 // function.template operator()<Effect>(view, k) for every named effect of a kind, k counting them.
 template <EffectKind kind, EffectSet set = all_effects, class T, class Function>
-constexpr void for_each_view(const MemberScene<T>& scene, Function&& function) {
+constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
   int k = 0;
   Effects::for_each([&]<class Effect, std::size_t index>() {
     if constexpr (Effect::kind == kind && (set >> index & 1)) {
-      const auto& views = scene.all.template views<Effect>();
-      const auto* const items = views.items + scene.member * views.count;
-      for (int i = 0; i < views.count; ++i) function.template operator()<Effect>(items[i], k++);
+      const BlockViews<Effect, T>& views = scene.effects;
+      for (int i = 0; i < views.count; ++i)
+        function.template operator()<Effect>(views.items[i], k++);
     }
   });
 }
 
-// A block's copies of vertices.
+// A block's vertices. Their copies differ while elements are solved, and only in d.
+struct CopyRange {
+  std::uint16_t begin, count;
+};
 template <class T>
 struct BlockVertices {
-  Row<T>* u;             // [count] m, and the vertex's inverse mass, 1/kg
-  Row<T>* d;             // [count] m over the substep, and the copy's mobility, s2/kg
-  Vec3<T>* v;            // [count] m/s at the start of the substep
-  Vec3<T>* corrections;  // [contacts * count] m, 0: not in contact
-  const Vec3<T>* rest;   // [count] m
-  const int* leader;     // [count] which motion effect leads the vertex, or -1; null: none does
+  Row<T>* u;                // [copies] m, and the vertex's inverse mass, 1/kg
+  Row<T>* d;                // [copies] m over the substep, and the copy's mobility, s2/kg
+  Vec3<T>* v;               // [count] m/s at the start of the substep
+  Vec3<T>* corrections;     // [contacts * count] m, 0: not in contact
+  const Vec3<T>* rest;      // [count] m
+  const CopyRange* copies;  // [count]
+  const T* share;           // [count] of a copy in the average
+  const int* leader;        // [count] which motion effect leads the vertex, or -1; null: none does
   int count;
 };
 
+// function(copy) for each copy of a vertex of the block.
+template <class T, class Function>
+SIM_HD void for_each_copy(const BlockVertices<T>& x, int i, Function&& function) {
+  const CopyRange copies = x.copies[i];
+  for (int k = 0; k < copies.count; ++k) function(copies.begin + k);
+}
+
 // Up to the element effects.
 template <EffectSet set = all_effects, class T>
-SIM_HD void begin_copy(const MemberScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
-                       int i) {
-  const T w = x.u[i].w, dt = scene.all.dt;
-  const Vec3<T> u = x.u[i].v, v = x.v[i], rest = x.rest[i];
+SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
+                        int i) {
+  const auto [u, w] = x.u[x.copies[i].begin];
+  const T dt = scene.dt;
+  const Vec3<T> v = x.v[i], rest = x.rest[i];
   Vec3<T> d = begin_vertex(w, v, dt);
   for_each_view<EffectKind::force, set>(scene, [&]<class Effect>(const auto& view, int) {
     if (w > T(0)) d += (dt * dt) * Effect::acceleration(view.device, rest, u, v);
@@ -107,21 +157,32 @@ SIM_HD void begin_copy(const MemberScene<T>& scene, const Step<T>& step, const B
     x.corrections[k * x.count + i] = correction;
     d += correction;
   });
-  x.d[i].v = d;
+  for_each_copy(x, i, [&](int copy) { x.d[copy].v = d; });
 }
 
-// After the element effects and the averaging of copies, with the average as d.
+// What the block has to say about a vertex: the sum over its copies.
+template <class T>
+SIM_HD Vec3<T> sum_of_copies(const BlockVertices<T>& x, int i) {
+  Vec3<T> sum;
+  for_each_copy(x, i, [&](int copy) { sum += x.d[copy].v; });
+  return sum;
+}
+
+// After the element effects, with the sum over all copies.
 template <EffectSet set = all_effects, class T>
-SIM_HD void finish_copy(const MemberScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
-                        int i, Vec3<T> d) {
+SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
+                         int i, const Vec3<T>& sum) {
+  Row<T> row = x.u[x.copies[i].begin];
+  Vec3<T> d = x.share[i] * sum;
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto& view, int k) {
     const Vec3<T> correction = x.corrections[k * x.count + i];
     if (touches(correction)) Effect::rub(view.device, step, correction, x.v[i], d);
     if constexpr (can_stop<Effect, T>) {
-      if (x.u[i].w > T(0)) d += Effect::stop(view.device, step, x.rest[i], x.u[i].v, d);
+      if (row.w > T(0)) d += Effect::stop(view.device, step, x.rest[i], row.v, d);
     }
   });
-  end_vertex(d, scene.all.dt, x.u[i].v, x.v[i]);
+  end_vertex(d, scene.dt, row.v, x.v[i]);
+  for_each_copy(x, i, [&](int copy) { x.u[copy] = row; });
 }
 
 // The rows of an element's vertices.
@@ -163,13 +224,17 @@ struct alignas(16) LinearizedElement {
   LocalVertices<Effect::arity> vertices;
 };
 
-// What a block needs of `all` bytes.
-inline constexpr int phases_ahead = 4;  // that a sweep reads of the next piece's table
+// What a block needs for each linearised element of a piece, bytes.
 template <class Effect, class T>
-constexpr WorkRoom work_room(std::size_t all) {
-  std::size_t element = 0;
-  if constexpr (is_linearizable<Effect>) element = sizeof(LinearizedElement<Effect, T>);
-  return {all, element, sizeof(int), phases_ahead};
+inline constexpr std::size_t work_of_element = [] {
+  if constexpr (is_linearizable<Effect>) return sizeof(LinearizedElement<Effect, T>);
+  return std::size_t{0};
+}();
+template <class Effect, class T>
+int piece_capacity(std::size_t bytes) {
+  constexpr std::size_t each = work_of_element<Effect, T>;
+  if constexpr (each == 0) return std::numeric_limits<int>::max();
+  return std::max(1, static_cast<int>(bytes / std::max<std::size_t>(1, each)));
 }
 
 template <class Effect, class T>

@@ -6,6 +6,8 @@
 // bits.
 #pragma once
 
+#include <algorithm>
+
 #include "sim/backend/block_step.hpp"
 #include "sim/backend/cuda_parcel.cuh"
 
@@ -16,32 +18,55 @@ namespace viscera::sim {
 inline constexpr EffectSet tissue = effect_set<Gravity, Fixed, NeoHookean, Ground>;
 inline constexpr EffectSet damped_tissue = tissue | effect_set<Viscosity, Prescribed>;
 
-// What a frame's kernel is given; arrays over copies unless said otherwise. A grid runs blocks of
-// the first member, then those of the next.
+// What a frame's kernel is given; arrays over the local vertices of all blocks unless said
+// otherwise. A grid runs the blocks of the first member, then those of the next.
+template <class Effect, class T>
+struct EffectViews {
+  const EffectView<Effect, T>* items = nullptr;  // [members * count]
+  int count = 0;
+};
 template <class T>
 struct Frame {
-  BlockScene<T> scene;
-  Vec3<T>* u;  // [members * copies]
+  template <class Effect>
+  using Views = EffectViews<Effect, T>;
+  Effects::Joined<Views> effects;
+  Vec3<T>* u;  // [members * locals]
   Vec3<T>* v;  // likewise
   const Vec3<T>* rest;
   const T* inverse_mass;
   const T* mobility;
+  const T* share;
+  const CopyRange* copies;
   const int* leader;          // or null
-  const int* copy_begin;      // [blocks + 1]
-  const int* gather_begin;    // [copies + 1]
-  const int* gather;          // the copies of the same vertex, in order; none where it has one
-  Parcel<T>* parcels;         // [members * 2 * copies]
-  unsigned char* touching;    // [members * contacts * copies] at the end of the frame
+  const int* local_begin;     // [blocks + 1]
+  const int* shared_end;      // [blocks] of those that other blocks have too
+  const int* gather_begin;    // [locals + 1]
+  const int* gather;          // the same vertex in all blocks, in order; none where it has one
+  Parcel<T>* parcels;         // [members * 2 * locals]
+  unsigned char* touching;    // [members * contacts * locals] at the end of the frame
   unsigned long long* ahead;  // [members] substeps that it has done beyond `done`
   unsigned long long done;    // substeps
   double dt;
   int substeps;
-  int copies;
-  int blocks;        // of a member
-  int first_member;  // of the grid
-  int most_copies;   // of a block
-  int team;          // lanes that sweep
+  int locals;
+  int blocks;                                                            // of a member
+  int first_member;                                                      // of the grid
+  int contacts;                                                          // contact effects named
+  int most_locals, most_shared, most_copies, most_gathered, most_table;  // of a block
+  int team;                                                              // lanes that sweep
 };
+
+// Where a pointer leads: what the compiler knows it loads by shorter instructions.
+template <class Item>
+__device__ Item* in_shared(Item* pointer) {
+  __builtin_assume(__isShared(pointer));
+  return pointer;
+}
+template <class Item>
+__device__ Item* in_global(Item* pointer) {
+  __builtin_assume(__isGlobal(pointer));
+  return pointer;
+}
 
 // Elements that were linearised, in shared memory.
 template <class Effect, class T>
@@ -50,8 +75,9 @@ struct LinearizedWork {
   using Rows = sim::Rows<T, Effect::arity>;
   const BlockVertices<T>& x;
   const Item* elements;
+  int first;
 
-  __device__ Item fetch(int e) const { return elements[e]; }
+  __device__ Item fetch(int e) const { return in_shared(elements)[e - first]; }
   __device__ Rows gather(const Item& item) const { return {x, item.vertices}; }
   __device__ void solve(const Item& item, const Rows& rows, bool active) const {
     solve_linearized(x, item, rows, active);
@@ -69,36 +95,37 @@ struct DirectWork {
   struct Rows {};
   const BlockVertices<T>& x;
   const BlockView<Effect, T>& view;
-  int first;
 
-  __device__ Item fetch(int e) const { return {view.rest[first + e], view.vertices[first + e], e}; }
+  __device__ Item fetch(int e) const {
+    return {in_global(view.rest)[e], in_global(view.vertices)[e], e};
+  }
   __device__ Rows gather(const Item&) const { return {}; }
   __device__ void solve(const Item& item, const Rows&, bool active) const {
     if (!active) return;
-    solve_element<Effect>(
-        x, item.vertices, item.rest.rest,
-        view.memory + static_cast<std::size_t>(first + item.element) * memory_of<Effect>);
+    solve_element<Effect>(x, item.vertices, item.rest.rest,
+                          view.memory + item.element * memory_of<Effect>);
   }
 };
 
-// Solves the elements phase by phase. A lane's next element is fetched while it works on the
-// present one: between two phases only displacements are waited for. Lanes without an element work
-// on another's and keep nothing, so that a warp stays together. `bounds` are those of the phases,
-// with three more at the end.
+// Solves the elements phase by phase, up to `last`. A lane's next element is fetched while it works
+// on the present one: between two phases only displacements are waited for. Lanes without an
+// element work on another's and keep nothing, so that a warp stays together. `bounds` are those of
+// the phases; the table goes on beyond them.
 template <bool one_warp_sweeps, class Work>
-__device__ void sweep(const Work& work, const int* bounds, int phases, int team) {
+__device__ void sweep(const Work& work, const int* bounds, int phases, int last, int team) {
   const int lane = static_cast<int>(threadIdx.x);
   if (lane >= team) return;
-  int end = bounds[1], next_end = bounds[2];
-  typename Work::Item even = work.fetch(min(lane, end - 1)), odd;
-  bool even_active = lane < end, odd_active = false;
+  const int begin = bounds[0];
+  int end = bounds[1], next_end = min(bounds[2], last);
+  typename Work::Item even = work.fetch(min(begin + lane, end - 1)), odd;
+  bool even_active = begin + lane < end, odd_active = false;
   const auto solve = [&](const typename Work::Item& item, bool active, typename Work::Item& next,
                          bool& next_active, int phase) {
     const auto rows = work.gather(item);
     next = work.fetch(min(end + lane, next_end - 1));
     next_active = end + lane < next_end;
     end = next_end;
-    next_end = bounds[phase + 3];
+    next_end = min(bounds[phase + 3], last);
     work.solve(item, rows, active);
     if constexpr (one_warp_sweeps) {
       __syncwarp();
@@ -112,88 +139,73 @@ __device__ void sweep(const Work& work, const int* bounds, int phases, int team)
   }
 }
 template <class Work>
-__device__ void sweep(const Work& work, const int* bounds, int phases, int team) {
+__device__ void sweep(const Work& work, const int* bounds, int phases, int last, int team) {
   if (team == one_warp) {
-    sweep<true>(work, bounds, phases, team);
+    sweep<true>(work, bounds, phases, last, team);
   } else {
-    sweep<false>(work, bounds, phases, team);
+    sweep<false>(work, bounds, phases, last, team);
   }
   __syncthreads();
 }
 
-// Everything that does not wait for the neighbours, for all elements of a piece side by side. An
-// element's constant data are on their way while the one before is worked on.
+// Everything that does not wait for the neighbours, for the elements [first, last) side by side.
+// An element's constant data are on their way while the one before is worked on.
 template <class Effect, class T>
 __device__ void linearize_piece(const BlockView<Effect, T>& view, const BlockVertices<T>& x,
-                                int first, int count, LinearizedElement<Effect, T>* elements) {
-  const int lane = static_cast<int>(threadIdx.x), lanes = static_cast<int>(blockDim.x);
-  if (lane >= count) return;
-  const DirectWork<Effect, T> work{x, view, first};
-  auto next = work.fetch(lane);
-  for (int e = lane; e < count; e += lanes) {
+                                int first, int last, LinearizedElement<Effect, T>* elements) {
+  const int lanes = static_cast<int>(blockDim.x);
+  int e = first + static_cast<int>(threadIdx.x);
+  if (e >= last) return;
+  const DirectWork<Effect, T> work{x, view};
+  auto next = work.fetch(e);
+  for (; e < last; e += lanes) {
     const auto item = next;
-    next = work.fetch(min(e + lanes, count - 1));
-    linearize_element<Effect>(x, item.vertices, item.rest.rest,
-                              view.memory + static_cast<std::size_t>(first + e) * memory_of<Effect>,
-                              elements[e]);
+    next = work.fetch(min(e + lanes, last - 1));
+    linearize_element<Effect>(x, item.vertices, item.rest.rest, view.memory + e * memory_of<Effect>,
+                              elements[e - first]);
   }
 }
 
-// `room` is the block's shared memory beyond its vertices: the piece's linearised elements, and the
-// bounds of its phases, counted from its first element.
+// `work` is room for a piece's linearised elements.
 template <class Effect, class T>
-__device__ void sweep_piece(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int team,
-                            int first_phase, int phases, unsigned char* room) {
-  constexpr std::size_t element_bytes = work_room<Effect, T>(0).element;
-  const int first = view.phase_begin[first_phase];
-  const int count = view.phase_begin[first_phase + phases] - first;
-  int* const bounds = reinterpret_cast<int*>(room + count * element_bytes);
-  for (int p = threadIdx.x; p < phases + phases_ahead; p += blockDim.x) {
-    bounds[p] = view.phase_begin[first_phase + min(p, phases)] - first;
-  }
-  if constexpr (is_linearizable<Effect>) {
-    auto* const elements = reinterpret_cast<LinearizedElement<Effect, T>*>(room);
-    linearize_piece(view, x, first, count, elements);
-    __syncthreads();
-    sweep(LinearizedWork<Effect, T>{x, elements}, bounds, phases, team);
-  } else {
-    __syncthreads();
-    sweep(DirectWork<Effect, T>{x, view, first}, bounds, phases, team);
+__device__ void sweep_effect(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int team,
+                             unsigned char* work) {
+  const int* const piece_phase = in_shared(view.piece_phase);
+  for (int piece = 0; piece < view.pieces; ++piece) {
+    const int first_phase = piece_phase[piece], phases = piece_phase[piece + 1] - first_phase;
+    const int* const bounds = in_shared(view.phase_begin) + first_phase;
+    const int first = bounds[0], last = bounds[phases];
+    if constexpr (is_linearizable<Effect>) {
+      auto* const elements = reinterpret_cast<LinearizedElement<Effect, T>*>(work);
+      linearize_piece(view, x, first, last, elements);
+      __syncthreads();
+      sweep(LinearizedWork<Effect, T>{x, elements, first}, bounds, phases, last, team);
+    } else {
+      sweep(DirectWork<Effect, T>{x, view}, bounds, phases, last, team);
+    }
   }
 }
 
-template <class Effect, class T>
-__device__ void sweep_effect(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int block,
-                             int team, unsigned char* room) {
-  const int end = view.block_piece[block + 1];
-  for (int piece = view.block_piece[block]; piece < end; ++piece) {
-    const int first_phase = view.piece_phase[piece];
-    sweep_piece<Effect, T>(view, x, team, first_phase, view.piece_phase[piece + 1] - first_phase,
-                           room);
-  }
-}
-
-// The average of a vertex's copies. All that are awaited are asked for before the first is taken.
+// The sum over a vertex's copies in all blocks, `from` in order, of which `local` is this one with
+// its `own`. All that are awaited are asked for before the first is taken.
 template <class T>
-__device__ Vec3<T> averaged(const Frame<T>& frame, const Parcel<T>* parcels, const Vec3<T>& own,
-                            int copy, unsigned exchange) {
+__device__ Vec3<T> gathered(const Parcel<T>* parcels, const int* from, const int* from_end,
+                            int local, const Vec3<T>& own, unsigned exchange) {
   constexpr int batch = 8;
-  const int begin = frame.gather_begin[copy], end = frame.gather_begin[copy + 1];
-  if (begin == end) return own;
   Vec3<T> sum;
-  for (int first = begin; first < end; first += batch) {
+  for (; from < from_end; from += batch) {
     Parcel<T> parcel[batch];
-    int from[batch];  // itself where nothing is awaited
+    int at[batch];  // `local` where nothing is awaited
     bool waiting[batch];
 #pragma unroll
     for (int k = 0; k < batch; ++k) {
-      from[k] = first + k < end ? frame.gather[first + k] : copy;
-      waiting[k] = from[k] != copy;
+      at[k] = from + k < from_end ? from[k] : local;
+      waiting[k] = at[k] != local;
     }
     for (bool any = true; any;) {
 #pragma unroll
       for (int k = 0; k < batch; ++k) {
-        if (waiting[k]) parcel[k] = Parcel<T>::look(parcels + from[k]);
+        if (waiting[k]) parcel[k] = Parcel<T>::look(parcels + at[k]);
       }
       any = false;
 #pragma unroll
@@ -204,89 +216,180 @@ __device__ Vec3<T> averaged(const Frame<T>& frame, const Parcel<T>* parcels, con
     }
 #pragma unroll
     for (int k = 0; k < batch; ++k) {
-      if (first + k < end) sum += from[k] == copy ? own : parcel[k].content();
+      if (from + k < from_end) sum += at[k] == local ? own : parcel[k].content();
     }
   }
-  return (T(1) / static_cast<T>(end - begin)) * sum;
+  return sum;
 }
 
+// What a block has in shared memory, array after array.
 template <class T>
-constexpr std::size_t vertex_bytes(int copies, int contacts) {
-  return (copies * (2 * sizeof(Row<T>) + (1 + contacts) * sizeof(Vec3<T>)) + 31) / 32 * 32;
+struct BlockMemory {
+  Row<T>*u, *d;             // [copies]
+  Vec3<T>*v, *corrections;  // [locals], [contacts * locals]
+  T* share;                 // [locals]
+  CopyRange* copies;        // [locals]
+  int* from_begin;          // [shared + 1]
+  int* from;                // [gathered]
+  int* table;               // of the element effects' pieces and phases
+  unsigned char* views;     // of all effects, one kind after the other
+  unsigned char* work;      // for elements
+
+  template <class Item>
+  __host__ __device__ static Item* take(unsigned char*& at, std::size_t count) {
+    constexpr std::size_t alignment = alignof(Item) > 16 ? alignof(Item) : 16;
+    at += (alignment - reinterpret_cast<std::uintptr_t>(at) % alignment) % alignment;
+    auto* const array = reinterpret_cast<Item*>(at);
+    at += count * sizeof(Item);
+    return array;
+  }
+  __host__ __device__ BlockMemory(unsigned char* at, const Frame<T>& frame) {
+    const std::size_t locals = frame.most_locals;
+    u = take<Row<T>>(at, frame.most_copies);
+    d = take<Row<T>>(at, frame.most_copies);
+    v = take<Vec3<T>>(at, locals);
+    corrections = take<Vec3<T>>(at, frame.contacts * locals);
+    share = take<T>(at, locals);
+    copies = take<CopyRange>(at, locals);
+    from_begin = take<int>(at, frame.most_shared + 1);
+    from = take<int>(at, frame.most_gathered);
+    table = take<int>(at, frame.most_table);
+    views = at;
+    Effects::for_each([&]<class Effect, std::size_t>() {
+      const EffectViews<Effect, T>& all = frame.effects;
+      if (all.count > 0) take<BlockView<Effect, T>>(at, all.count);
+    });
+    work = take<unsigned char>(at, 0);
+  }
+  static std::size_t bytes(const Frame<T>& frame) {
+    return reinterpret_cast<std::uintptr_t>(BlockMemory(nullptr, frame).work);
+  }
+};
+
+// The effects as this block sees them, in shared memory: they are looked at for every vertex.
+template <EffectSet set, class T>
+__device__ BlockScene<T> scene_of_block(const Frame<T>& frame, int member, int block,
+                                        const BlockMemory<T>& own) {
+  BlockScene<T> scene;
+  unsigned char* at = own.views;
+  int* table = own.table;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (set >> i & 1) {
+      const EffectViews<Effect, T>& all = frame.effects;
+      if (all.count == 0) return;
+      auto* const views = BlockMemory<T>::template take<BlockView<Effect, T>>(at, all.count);
+      for (int k = 0; k < all.count; ++k) {
+        table = view_of_block(all.items[member * all.count + k], block, threadIdx.x, blockDim.x,
+                              table, views[k]);
+      }
+      static_cast<BlockViews<Effect, T>&>(scene.effects) = {in_shared(views), all.count};
+    }
+  });
+  scene.dt = static_cast<T>(frame.dt);
+  return scene;
 }
 
-template <class T, EffectSet set, int threads>
-__global__ void __launch_bounds__(threads, 1) run_frame(const __grid_constant__ Frame<T> frame) {
+template <class T, EffectSet set, int most_threads>
+__global__ void __launch_bounds__(most_threads, 1)
+    run_frame(const __grid_constant__ Frame<T> frame) {
   extern __shared__ __align__(32) unsigned char shared[];
   const int block = static_cast<int>(blockIdx.x) % frame.blocks;
   const std::size_t member = frame.first_member + blockIdx.x / frame.blocks;
-  const MemberScene<T> scene{frame.scene, static_cast<int>(member)};
-  const int contacts = frame.scene.contacts;
-  const int lane = static_cast<int>(threadIdx.x);
-  const int first = frame.copy_begin[block];
-  const int count = frame.copy_begin[block + 1] - first;
-  Vec3<T>* const u = frame.u + member * frame.copies + first;
-  Vec3<T>* const v = frame.v + member * frame.copies + first;
-  BlockVertices<T> x;
-  x.u = reinterpret_cast<Row<T>*>(shared);
-  x.d = x.u + frame.most_copies;
-  x.v = reinterpret_cast<Vec3<T>*>(x.d + frame.most_copies);
-  x.corrections = x.v + frame.most_copies;
-  x.rest = frame.rest + first;
-  x.leader = frame.leader ? frame.leader + first : nullptr;
-  x.count = count;
-  unsigned char* const room = shared + vertex_bytes<T>(frame.most_copies, contacts);
+  const int lane = static_cast<int>(threadIdx.x), lanes = static_cast<int>(blockDim.x);
+  const int first = frame.local_begin[block];
+  const int count = frame.local_begin[block + 1] - first;
+  const int shared_count = frame.shared_end[block] - first;
+  Vec3<T>* const u = frame.u + member * frame.locals + first;
+  Vec3<T>* const v = frame.v + member * frame.locals + first;
+  const BlockMemory<T> own(shared, frame);
+  const BlockVertices<T> x{own.u,
+                           own.d,
+                           own.v,
+                           own.corrections,
+                           frame.rest + first,
+                           own.copies,
+                           own.share,
+                           frame.leader ? frame.leader + first : nullptr,
+                           count};
+  const BlockScene<T> scene = scene_of_block<set>(frame, static_cast<int>(member), block, own);
   const unsigned long long done = frame.done + frame.ahead[member];
-  const auto step_at = [&frame, done](int substep) {
-    return Step<T>{frame.scene.dt, static_cast<double>(done + substep + 1) * frame.dt};
+  const auto step_at = [&frame, &scene, done](int substep) {
+    return Step<T>{scene.dt, static_cast<double>(done + substep + 1) * frame.dt};
   };
-  for (int i = lane; i < count; i += threads) {
-    x.u[i] = {u[i], frame.inverse_mass[first + i]};
-    x.d[i].w = frame.mobility[first + i];
+  const int gather_first = frame.gather_begin[first];
+  const int gather_end = frame.gather_begin[first + shared_count];
+  for (int k = gather_first + lane; k < gather_end; k += lanes) {
+    own.from[k - gather_first] = frame.gather[k];
+  }
+  for (int i = lane; i <= shared_count; i += lanes) {
+    own.from_begin[i] = frame.gather_begin[first + i] - gather_first;
+  }
+  __syncthreads();
+  for (int i = lane; i < count; i += lanes) {
+    own.copies[i] = frame.copies[first + i];
+    own.share[i] = frame.share[first + i];
     x.v[i] = v[i];
-    begin_copy<set>(scene, step_at(0), x, i);
+    for_each_copy(x, i, [&](int copy) {
+      x.u[copy] = {u[i], frame.inverse_mass[first + i]};
+      x.d[copy].w = frame.mobility[first + i];
+    });
+    begin_local<set>(scene, step_at(0), x, i);
   }
   __syncthreads();
   for (int substep = 0; substep < frame.substeps; ++substep) {
     for_each_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& view, int) {
-      sweep_effect<Effect, T>(view, x, block, frame.team, room);
+      sweep_effect<Effect, T>(view, x, frame.team, own.work);
     });
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
-    Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.copies;
-    for (int i = lane; i < count; i += threads) {
-      if (frame.gather_begin[first + i] < frame.gather_begin[first + i + 1]) {
-        Parcel<T>::send(parcels + first + i, x.d[i].v, exchange);
-      }
+    Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.locals;
+    for (int i = lane; i < shared_count; i += lanes) {
+      Parcel<T>::send(parcels + first + i, sum_of_copies(x, i), exchange);
     }
-    for (int i = lane; i < count; i += threads) {
-      finish_copy<set>(scene, step_at(substep), x, i,
-                       averaged(frame, parcels, x.d[i].v, first + i, exchange));
-      if (substep + 1 < frame.substeps) {
-        begin_copy<set>(scene, step_at(substep + 1), x, i);
-      } else {
-        u[i] = x.u[i].v;
-        v[i] = x.v[i];
-        for (int k = 0; k < contacts; ++k) {
-          frame.touching[(member * contacts + k) * frame.copies + first + i] =
-              touches(x.corrections[k * count + i]);
-        }
+    // Vertices that no other block has first: parcels are on their way.
+    const int inner_count = count - shared_count;
+    for (int k = lane; k < count; k += lanes) {
+      const int i = k < inner_count ? shared_count + k : k - inner_count;
+      Vec3<T> sum = sum_of_copies(x, i);
+      if (i < shared_count) {
+        sum = gathered(parcels, own.from + own.from_begin[i], own.from + own.from_begin[i + 1],
+                       first + i, sum, exchange);
       }
+      finish_local<set>(scene, step_at(substep), x, i, sum);
+      if (substep + 1 < frame.substeps) begin_local<set>(scene, step_at(substep + 1), x, i);
     }
     __syncthreads();
+  }
+  for (int i = lane; i < count; i += lanes) {
+    u[i] = x.u[x.copies[i].begin].v;
+    v[i] = x.v[i];
+    for (int k = 0; k < frame.contacts; ++k) {
+      frame.touching[(member * frame.contacts + k) * frame.locals + first + i] =
+          touches(x.corrections[k * count + i]);
+    }
   }
 }
 
 template <class T>
 struct Kernel {
   void (*run)(Frame<T>);
-  int threads;
+  int most_threads;
 };
 template <class T>
 Kernel<T> kernel_for(EffectSet named) {
-  constexpr int wide = sizeof(T) == 4 ? 384 : 256;
+  constexpr int wide = sizeof(T) == 4 ? 512 : 256;
   if ((named & ~tissue) == 0) return {run_frame<T, tissue, wide>, wide};
   if ((named & ~damped_tissue) == 0) return {run_frame<T, damped_tissue, wide>, wide};
   return {run_frame<T, all_effects, 256>, 256};
+}
+
+// Threads that work through `items` in the fewest rounds, and leave few without an item in the
+// last; beyond a warp for each of a multiprocessor's schedulers, the same number for each.
+inline int threads_for(int items, int most) {
+  constexpr int schedulers = 4;
+  const auto round_up = [](int count, int unit) { return (count + unit - 1) / unit * unit; };
+  const int rounds = round_up(std::max(1, items), most) / most;
+  const int threads = round_up((items + rounds - 1) / rounds, one_warp);
+  return threads > schedulers * one_warp ? round_up(threads, schedulers * one_warp) : threads;
 }
 
 }  // namespace viscera::sim

@@ -42,11 +42,24 @@ struct DeviceElements {
         block_piece(host.block_piece),
         memory(members * host.rest.size() * memory_of<Effect>) {}
 
-  BlockView<Effect, T> view(int member) const {
+  // How long the table of a block gets.
+  static int most_table(const BlockElements<Effect, T>& host) {
+    int most = 0;
+    for (std::size_t block = 0; block + 1 < host.block_piece.size(); ++block) {
+      const int first = host.block_piece[block], end = host.block_piece[block + 1];
+      most =
+          std::max(most, table_size(end - first, host.piece_phase[end] - host.piece_phase[first]));
+    }
+    return most;
+  }
+  EffectView<Effect, T> view(int member) const {
     const auto& own = own_rest[member];
-    return {vertices.get(),    own.size() > 0 ? own.get() : rest.get(),
-            phase_begin.get(), piece_phase.get(),
-            block_piece.get(), memory.get() + member * element_of.size() * memory_of<Effect>};
+    return {vertices.get(),
+            own.size() > 0 ? own.get() : rest.get(),
+            memory.get() + member * element_of.size() * memory_of<Effect>,
+            phase_begin.get(),
+            piece_phase.get(),
+            block_piece.get()};
   }
   // A member that has what all have keeps nothing of its own.
   void set_rest(int member, const std::vector<Rest>& host) {
@@ -84,15 +97,14 @@ class CudaBlocks final : public Ensemble {
         program_(model, scene),
         layout_(model, program_, tets_per_block, team_for(tets_per_block)) {
     require_device_memory(bytes_needed());
-    place_copies();
+    place_vertices();
     place_effects();
     upload_views();
     frame_.dt = program_.dt;
     frame_.substeps = program_.substeps;
-    frame_.copies = layout_.copy_count();
+    frame_.locals = local_count();
     frame_.blocks = layout_.block_count();
     frame_.team = layout_.lanes();
-    frame_.scene.dt = static_cast<T>(program_.dt);
     ask_for_the_device();
   }
 
@@ -106,7 +118,7 @@ class CudaBlocks final : public Ensemble {
     for (int first = 0; first < members_; first += at_once_) {
       frame_.first_member = first;
       const int blocks = frame_.blocks * std::min(at_once_, members_ - first);
-      check(cudaLaunchCooperativeKernel(kernel_.run, dim3(blocks), dim3(kernel_.threads), arguments,
+      check(cudaLaunchCooperativeKernel(kernel_.run, dim3(blocks), dim3(threads_), arguments,
                                         shared_bytes_, nullptr),
             "launching a frame");
     }
@@ -115,19 +127,19 @@ class CudaBlocks final : public Ensemble {
   }
 
   State state(int member) const override {
-    const std::size_t copies = layout_.copy_count(), first = member * copies;
-    State state{gathered(u_.download(first, copies)), gathered(v_.download(first, copies)),
+    const std::size_t locals = local_count(), first = member * locals;
+    State state{gathered(u_.download(first, locals)), gathered(v_.download(first, locals)),
                 step_ + ahead_.download(member, 1)[0]};
     save_memory(own_, state, member);
     return state;
   }
   void set_state(int member, const State& state) override {
-    const std::size_t copies = layout_.copy_count();
-    u_.upload(spread(state.u), member * copies);
-    v_.upload(spread(state.v), member * copies);
+    const std::size_t locals = local_count();
+    u_.upload(spread(state.u), member * locals);
+    v_.upload(spread(state.v), member * locals);
     ahead_.upload({state.step - step_}, member);
     // Parcels of an exchange that is to come again must not be taken for it.
-    parcels_.clear(2 * member * copies, 2 * copies);
+    parcels_.clear(2 * member * locals, 2 * locals);
     load_memory(own_, state, member);
   }
   void retune(int member, const Model& model, const Scene& scene) override {
@@ -149,12 +161,12 @@ class CudaBlocks final : public Ensemble {
     upload_views();
   }
   std::size_t contact_count(int member) const override {
-    const std::size_t copies = layout_.copy_count(), all = frame_.scene.contacts * copies;
+    const std::size_t locals = local_count(), all = frame_.contacts * locals;
     const auto touching = touching_.download(member * all, all);
     std::size_t count = 0;
-    for (int k = 0; k < frame_.scene.contacts; ++k) {
+    for (int k = 0; k < frame_.contacts; ++k) {
       for (int v = 0; v < vertex_count(); ++v) {
-        count += touching[k * copies + layout_.copies_of(v)[0]];
+        count += touching[k * locals + layout_.locals_of(v)[0]];
       }
     }
     return count;
@@ -163,11 +175,11 @@ class CudaBlocks final : public Ensemble {
 
  private:
   template <class Effect>
-  using View = BlockView<Effect, T>;
+  using View = EffectView<Effect, T>;
   template <class Effect>
   using OwnOf = Own<Effect, T>;
   template <class Effect>
-  using ViewArray = DeviceArray<BlockView<Effect, T>>;
+  using ViewArray = DeviceArray<EffectView<Effect, T>>;
   template <class Effect>
   struct ArrayOf {
     ViewArray<Effect> array;
@@ -175,9 +187,9 @@ class CudaBlocks final : public Ensemble {
 
   // Of the large arrays, if every member has materials of its own.
   std::size_t bytes_needed() const {
-    const std::size_t copies = layout_.copy_count();
-    std::size_t shared = copies * (sizeof(Vec3<T>) + 2 * sizeof(T) + 3 * sizeof(int));
-    std::size_t own = 2 * copies * (sizeof(Vec3<T>) + sizeof(Parcel<T>));
+    const std::size_t locals = local_count();
+    std::size_t shared = locals * (sizeof(Vec3<T>) + 3 * sizeof(T) + 4 * sizeof(int));
+    std::size_t own = 2 * locals * (sizeof(Vec3<T>) + sizeof(Parcel<T>));
     for_each_slot<EffectKind::element>(program_.effects, [&]<class Effect>(const auto& effect) {
       const std::size_t elements = effect.rest.size();
       shared += elements * sizeof(LocalVertices<Effect::arity>);
@@ -187,66 +199,90 @@ class CudaBlocks final : public Ensemble {
     return shared + members_ * own;
   }
 
-  void place_copies() {
-    const BlockCopies<T> copies = layout_.copies(program_);
-    std::vector<int> copy_begin = {0}, gather_begin = {0}, gather;
-    for (int copy = 0; copy < layout_.copy_count(); ++copy) {
-      const auto others = layout_.copies_of(layout_.vertex_of(copy));
-      if (others.size() > 1) gather.insert(gather.end(), others.begin(), others.end());
+  void place_vertices() {
+    const LocalConstants<T> constants = layout_.constants(program_);
+    std::vector<CopyRange> copies;
+    std::vector<int> local_begin = {0}, shared_end, gather_begin = {0}, gather;
+    for (const LocalVertex& local : layout_.locals()) {
+      copies.push_back({static_cast<std::uint16_t>(local.copies.begin),
+                        static_cast<std::uint16_t>(local.copies.end - local.copies.begin)});
+      const auto& all = layout_.locals_of(local.vertex);
+      if (all.size() > 1) gather.insert(gather.end(), all.begin(), all.end());
       gather_begin.push_back(static_cast<int>(gather.size()));
     }
+    const auto raise = [](int& most, int by) { most = std::max(most, by); };
     for (int block = 0; block < layout_.block_count(); ++block) {
-      const Range own = layout_.copies_in(block);
-      copy_begin.push_back(own.end);
-      frame_.most_copies = std::max(frame_.most_copies, own.end - own.begin);
+      const Range locals = layout_.locals_in(block), copies_here = layout_.copies_in(block);
+      local_begin.push_back(locals.end);
+      shared_end.push_back(layout_.shared_in(block).end);
+      raise(frame_.most_locals, locals.end - locals.begin);
+      raise(frame_.most_shared, shared_end.back() - locals.begin);
+      raise(frame_.most_copies, copies_here.end - copies_here.begin);
+      raise(frame_.most_gathered, gather_begin[locals.end] - gather_begin[locals.begin]);
     }
-    const std::size_t all = static_cast<std::size_t>(members_) * layout_.copy_count();
+    const std::size_t all = static_cast<std::size_t>(members_) * local_count();
     frame_.u = (u_ = DeviceArray<Vec3<T>>(all)).get();
     frame_.v = (v_ = DeviceArray<Vec3<T>>(all)).get();
     frame_.parcels = (parcels_ = DeviceArray<Parcel<T>>(2 * all)).get();
     frame_.ahead = (ahead_ = DeviceArray<unsigned long long>(members_)).get();
-    frame_.rest = (rest_ = DeviceArray<Vec3<T>>(copies.rest)).get();
-    frame_.inverse_mass = (inverse_mass_ = DeviceArray<T>(copies.inverse_mass)).get();
-    frame_.mobility = (mobility_ = DeviceArray<T>(copies.mobility)).get();
-    frame_.leader = (leader_ = DeviceArray<int>(copies.leader)).get();
-    frame_.copy_begin = (copy_begin_ = DeviceArray<int>(copy_begin)).get();
+    frame_.rest = (rest_ = DeviceArray<Vec3<T>>(constants.rest)).get();
+    frame_.inverse_mass = (inverse_mass_ = DeviceArray<T>(constants.inverse_mass)).get();
+    frame_.mobility = (mobility_ = DeviceArray<T>(constants.mobility)).get();
+    frame_.share = (share_ = DeviceArray<T>(constants.share)).get();
+    frame_.leader = (leader_ = DeviceArray<int>(constants.leader)).get();
+    frame_.copies = (copies_ = DeviceArray<CopyRange>(copies)).get();
+    frame_.local_begin = (local_begin_ = DeviceArray<int>(local_begin)).get();
+    frame_.shared_end = (shared_end_ = DeviceArray<int>(shared_end)).get();
     frame_.gather_begin = (gather_begin_ = DeviceArray<int>(gather_begin)).get();
     frame_.gather = (gather_ = DeviceArray<int>(gather)).get();
   }
 
   void place_effects() {
-    for_each_slot<EffectKind::contact>(
-        program_.effects, [this]<class Effect>(const auto&) { ++frame_.scene.contacts; });
-    touching_ = DeviceArray<unsigned char>(static_cast<std::size_t>(members_) *
-                                           frame_.scene.contacts * layout_.copy_count());
-    frame_.touching = touching_.get();
-    const std::size_t own = vertex_bytes<T>(frame_.most_copies, frame_.scene.contacts);
-    const std::size_t all = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin);
-    std::size_t work = 0;
+    constexpr int usual_table = 256;
     EffectSet named = 0;
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      for (const auto& effect : std::get<i>(program_.effects)) {
-        named |= EffectSet{1} << i;
-        if constexpr (Effect::kind == EffectKind::element) {
-          auto elements = layout_.lay_out(effect, work_room<Effect, T>(all - std::min(own, all)));
-          work = std::max(work, elements.most_work);
-          std::get<i>(own_).emplace_back(std::move(elements), members_);
-        }
-      }
+      const int count = static_cast<int>(std::get<i>(program_.effects).size());
+      static_cast<EffectViews<Effect, T>&>(frame_.effects).count = count;
+      if (count > 0) named |= EffectSet{1} << i;
+      if (Effect::kind == EffectKind::contact) frame_.contacts += count;
+      if (Effect::kind == EffectKind::element) frame_.most_table += count * usual_table;
+    });
+    kernel_ = kernel_for<T>(named);
+    touching_ = DeviceArray<unsigned char>(static_cast<std::size_t>(members_) * frame_.contacts *
+                                           local_count());
+    frame_.touching = touching_.get();
+    const std::size_t all = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin);
+    const std::size_t left = all - std::min(all, BlockMemory<T>::bytes(frame_));
+    std::size_t work = 0;
+    int table = 0;
+    int items = 0;  // to be worked on side by side
+    Effects::for_each([&]<class Effect, std::size_t i>() {
       auto& views = std::get<i>(host_views_);
-      for (int member = 0; member < members_; ++member) {
-        if constexpr (Effect::kind == EffectKind::element) {
-          for (const auto& elements : std::get<i>(own_)) views.push_back(elements.view(member));
-        } else {
+      if constexpr (Effect::kind == EffectKind::element) {
+        auto& own = std::get<i>(own_);
+        for (const auto& effect : std::get<i>(program_.effects)) {
+          auto elements = layout_.lay_out(effect, piece_capacity<Effect, T>(left));
+          work = std::max(work, elements.most_elements * work_of_element<Effect, T>);
+          table += DeviceElements<Effect, T>::most_table(elements);
+          if (is_linearizable<Effect>) items = std::max(items, elements.most_elements);
+          own.emplace_back(std::move(elements), members_);
+        }
+        for (int member = 0; member < members_; ++member) {
+          for (const auto& elements : own) views.push_back(elements.view(member));
+        }
+      } else {
+        for (int member = 0; member < members_; ++member) {
           for (const auto& effect : std::get<i>(program_.effects)) {
-            if constexpr (requires { effect.device; }) views.push_back({effect.device});
+            if constexpr (requires { effect.device; }) views.push_back({{effect.device}});
           }
         }
       }
     });
-    shared_bytes_ = own + work;
+    frame_.most_table = table;
+    shared_bytes_ = BlockMemory<T>::bytes(frame_) + work;
     require_room(shared_bytes_, all);
-    kernel_ = kernel_for<T>(named);
+    if (items == 0) items = frame_.most_locals;
+    threads_ = std::max(layout_.lanes(), threads_for(items, kernel_.most_threads));
   }
 
   void ask_for_the_device() {
@@ -254,7 +290,7 @@ class CudaBlocks final : public Ensemble {
                                static_cast<int>(shared_bytes_)),
           "asking for shared memory");
     int a_processor = 0;
-    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, kernel_.run, kernel_.threads,
+    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, kernel_.run, threads_,
                                                         shared_bytes_),
           "asking for the blocks that run at once");
     at_once_ = std::max(1, a_processor * attribute(cudaDevAttrMultiProcessorCount) / frame_.blocks);
@@ -262,11 +298,9 @@ class CudaBlocks final : public Ensemble {
 
   void upload_views() {
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      const auto& views = std::get<i>(host_views_);
       auto& array = static_cast<ArrayOf<Effect>&>(views_).array;
-      array = ViewArray<Effect>(views);
-      static_cast<BlockViews<Effect, T>&>(frame_.scene.effects) = {
-          array.get(), static_cast<int>(views.size()) / members_};
+      array = ViewArray<Effect>(std::get<i>(host_views_));
+      static_cast<EffectViews<Effect, T>&>(frame_.effects).items = array.get();
     });
   }
 
@@ -278,21 +312,22 @@ class CudaBlocks final : public Ensemble {
                   "use a smaller block_tets, a coarser mesh or scheme: gauss_seidel");
   }
 
-  std::vector<Vec3<double>> gathered(const std::vector<Vec3<T>>& copies) const {
+  std::vector<Vec3<double>> gathered(const std::vector<Vec3<T>>& locals) const {
     std::vector<Vec3<double>> field;
     for (int v = 0; v < vertex_count(); ++v) {
-      field.push_back(cast<double>(copies[layout_.copies_of(v)[0]]));
+      field.push_back(cast<double>(locals[layout_.locals_of(v)[0]]));
     }
     return field;
   }
   std::vector<Vec3<T>> spread(const std::vector<Vec3<double>>& field) const {
-    std::vector<Vec3<T>> copies;
-    for (int copy = 0; copy < layout_.copy_count(); ++copy) {
-      copies.push_back(cast<T>(field[layout_.vertex_of(copy)]));
+    std::vector<Vec3<T>> locals;
+    for (const LocalVertex& local : layout_.locals()) {
+      locals.push_back(cast<T>(field[local.vertex]));
     }
-    return copies;
+    return locals;
   }
 
+  int local_count() const { return static_cast<int>(layout_.locals().size()); }
   int vertex_count() const { return static_cast<int>(program_.rest.size()); }
 
   std::string name_;
@@ -302,14 +337,16 @@ class CudaBlocks final : public Ensemble {
   BlockLayout layout_;
   Frame<T> frame_{};
   Kernel<T> kernel_{};
+  int threads_ = 0;
   std::uint64_t step_ = 0;
   std::size_t shared_bytes_ = 0;
   Effects::Slots<OwnOf> own_;
   Effects::Slots<View> host_views_;
   Effects::Joined<ArrayOf> views_;
   DeviceArray<Vec3<T>> u_, v_, rest_;
-  DeviceArray<T> inverse_mass_, mobility_;
-  DeviceArray<int> leader_, copy_begin_, gather_begin_, gather_;
+  DeviceArray<T> inverse_mass_, mobility_, share_;
+  DeviceArray<CopyRange> copies_;
+  DeviceArray<int> leader_, local_begin_, shared_end_, gather_begin_, gather_;
   DeviceArray<Parcel<T>> parcels_;
   DeviceArray<unsigned char> touching_;
   DeviceArray<unsigned long long> ahead_;

@@ -9,15 +9,23 @@
 // difference to gradients taken anew at every element is of the second order in the sweep's
 // corrections.
 //
-// The impulses are then affine in d. With R = (S^-1 + A)^-1 (arithmetic.hpp), r0 the residuals at
-// d = 0 and edges as below,
+// The impulses are then affine in d:
 //
-//   p = preload - sum_rows g (R (r0 + g . edge(d)))
-//     = sum_k c_k b_k,   c = offset - response (b . edge(d))
+//   p = sum_k c_k b_k,   c = offset - response (b . edge(d))
 //
-// where b are the gradients themselves or, for an effect with reference multipliers lambda0, the
-// preload and the gradients but the first: since preload = sum lambda0 g, that one is a sum of the
-// others, and what is stored is a quarter less. The preload keeps its accuracy where it is small.
+// With edges as below, S = diag(k), W the mobilities and A_b = b^T W b: where there are no
+// reference multipliers, b are the gradients, and
+//
+//   response = (S^-1 + A_b)^-1,   offset = response (b . edge(d0) - remainder)
+//
+// Where there are (effect.hpp), the preload takes the place of the first gradient: with
+// b = (preload, g_1) = Q g, Q = (lambda0_0 lambda0_1; 0 1), two thirds are stored, and g_0 is not
+// computed:
+//
+//   response = (C + A_b)^-1,   C = Q S^-1 Q^T
+//   offset = response (C e_0 - Q remainder + b . edge(d0))
+//
+// from p = preload + g dlambda with (S^-1 + A) dlambda = -(remainder + g . (W preload + d - d0)).
 #pragma once
 
 #include "sim/solvers/arithmetic.hpp"
@@ -37,7 +45,7 @@ struct Linearized {
 
 // What a sweep linearises: more rows would keep more numbers than they save.
 template <class Effect>
-inline constexpr bool is_linearizable = Effect::rows == 1 || Effect::rows == 2;
+inline constexpr bool is_linearizable = Effect::rows == (has_reference<Effect> ? 2 : 1);
 
 // d as differences to the first vertex, or d itself for an element of one vertex.
 template <class T, int arity, int stored>
@@ -57,47 +65,41 @@ SIM_HD void linearize(const typename Effect::template Rest<T>& rest, const T (&m
   } else {
     Effect::evaluate(rest, u, d, c);
   }
-  T a[rows][rows], residual[rows];
-  couple_rows(c, mobility, a);
-  Vec3<T> edge[stored];
+  Vec3<T> edge[stored], b[rows][arity];
   differences(d, edge);
-  for (int row = 0; row < rows; ++row) {
-    residual[row] = c.remainder[row];
-    for (int i = 0; i < arity; ++i) {
-      residual[row] += mobility[i] * dot(c.gradient[row][i], c.preload[i]);
-    }
+  for (int i = 0; i < arity; ++i) {
+    b[0][i] = has_reference<Effect> ? c.preload[i] : c.gradient[0][i];
+    for (int k = 1; k < rows; ++k) b[k][i] = c.gradient[k][i];
+  }
+  T a[rows][rows], along[rows];
+  for (int k = 0; k < rows; ++k) {
+    along[k] = T(0);
     for (int i = 0; i < stored; ++i) {
-      residual[row] -= dot(c.gradient[row][i + arity - stored], edge[i]);
+      out.direction[k][i] = b[k][i + arity - stored];
+      along[k] += dot(out.direction[k][i], edge[i]);
+    }
+    for (int q = 0; q <= k; ++q) {
+      a[k][q] = T(0);
+      for (int i = 0; i < arity; ++i) a[k][q] += mobility[i] * dot(b[k][i], b[q][i]);
     }
   }
-  T first[rows] = {T(1)};  // of the first gradient, by b
   if constexpr (has_reference<Effect>) {
-    const auto lambda0 = [&c](int row) {
-      return c.stiffness[row] * (c.remainder[row] - c.value[row]);
-    };
-    first[0] = select(lambda0(0) != T(0), T(1) / lambda0(0), T(0));
-    for (int row = 1; row < rows; ++row) first[row] = -(first[0] * lambda0(row));
-  }
-  // What a residual adds to c.
-  const auto answer = [&](const T(&to)[rows], T(&weight)[rows]) {
-    T y[rows];
-    solve_rows(a, c.stiffness, to, y);
-    for (int k = 0; k < rows; ++k) {
-      weight[k] = first[k] * c.stiffness[0] * y[0] + (k > 0 ? c.stiffness[k] * y[k] : T(0));
-    }
-  };
-  answer(residual, out.offset);
-  if constexpr (has_reference<Effect>) out.offset[0] += T(1);
-  for (int k = 0, at = 0; k < rows; ++k) {
-    T unit[rows] = {first[k]}, weight[rows];
-    if (k > 0) unit[k] = T(1);
-    answer(unit, weight);
-    for (int q = 0; q <= k; ++q) out.response[at++] = -weight[q];
-  }
-  for (int i = 0; i < stored; ++i) {
-    const int vertex = i + arity - stored;
-    out.direction[0][i] = has_reference<Effect> ? c.preload[vertex] : c.gradient[0][vertex];
-    for (int k = 1; k < rows; ++k) out.direction[k][i] = c.gradient[k][vertex];
+    const T lambda0 = c.stiffness[0] * (c.remainder[0] - c.value[0]);
+    const T lambda1 = c.stiffness[1] * (c.remainder[1] - c.value[1]);
+    const T soft = T(1) / c.stiffness[1], mixed = lambda1 * soft;
+    const T whole = lambda0 * (c.remainder[0] - c.value[0]) + lambda1 * mixed;
+    const T m00 = whole + a[0][0], m10 = mixed + a[1][0], m11 = soft + a[1][1];
+    const T r0 = whole - (lambda0 * c.remainder[0] + lambda1 * c.remainder[1]) + along[0];
+    const T r1 = mixed - c.remainder[1] + along[1];
+    const T scale = T(1) / (m00 * m11 - m10 * m10);
+    out.response[0] = scale * m11;
+    out.response[1] = -scale * m10;
+    out.response[2] = scale * m00;
+    out.offset[0] = out.response[0] * r0 + out.response[1] * r1;
+    out.offset[1] = out.response[1] * r0 + out.response[2] * r1;
+  } else {
+    out.response[0] = c.stiffness[0] / (T(1) + c.stiffness[0] * a[0][0]);
+    out.offset[0] = out.response[0] * (along[0] - c.remainder[0]);
   }
 }
 

@@ -2,6 +2,8 @@
 // layout and the same functions, without threads. It stands in for a device where there is none.
 #pragma once
 
+#include <deque>
+#include <limits>
 #include <memory>
 
 #include "sim/backend/block_layout.hpp"
@@ -13,52 +15,62 @@ namespace viscera::sim {
 template <class T>
 class HostBlocks final : public Solver {
  public:
-  static constexpr std::size_t ample = std::size_t{1} << 40;  // bytes for a block's work
-
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized)
       : HostBlocks(model, scene, tets_per_block, linearized, team_for(tets_per_block)) {}
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized, Team team,
-             std::size_t room = ample)
+             int piece_size = std::numeric_limits<int>::max())
       : program_(model, scene),
         layout_(model, program_, tets_per_block, team),
         linearized_(linearized),
-        room_(room),
-        v_(layout_.copy_count()),
-        u_(layout_.copy_count()),
-        d_(layout_.copy_count()) {
-    scene_.dt = static_cast<T>(program_.dt);
-    const BlockCopies<T> copies = layout_.copies(program_);
-    rest_ = copies.rest;
-    leader_ = copies.leader;
-    for (int copy = 0; copy < layout_.copy_count(); ++copy) {
-      u_[copy].w = copies.inverse_mass[copy];
-      d_[copy].w = copies.mobility[copy];
+        constants_(layout_.constants(program_)),
+        v_(layout_.locals().size()),
+        u_(layout_.copies_in(layout_.block_count() - 1).end),
+        d_(u_.size()) {
+    for (const LocalVertex& local : layout_.locals()) {
+      copies_.push_back({static_cast<std::uint16_t>(local.copies.begin),
+                         static_cast<std::uint16_t>(local.copies.end - local.copies.begin)});
     }
+    for (int block = 0; block < layout_.block_count(); ++block) {
+      const int first = layout_.locals_in(block).begin;
+      for_each_local(block, [&](const auto& x, int i, int) {
+        for_each_copy(x, i, [&](int copy) {
+          x.u[copy].w = constants_.inverse_mass[first + i];
+          x.d[copy].w = constants_.mobility[first + i];
+        });
+      });
+    }
+    for_each_slot<EffectKind::contact>(program_.effects,
+                                       [this]<class Effect>(const auto&) { ++contacts_; });
+    corrections_.resize(contacts_ * layout_.locals().size());
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      for (const auto& effect : std::get<i>(program_.effects)) view<Effect, i>(effect);
-      auto& views = static_cast<BlockViews<Effect, T>&>(scene_.effects);
-      views = {std::get<i>(views_).data(), static_cast<int>(std::get<i>(views_).size())};
-      if constexpr (Effect::kind == EffectKind::contact) scene_.contacts += views.count;
+      if constexpr (Effect::kind == EffectKind::element) {
+        for (const auto& effect : std::get<i>(program_.effects)) {
+          auto& own = std::get<i>(own_).emplace_back(
+              new ElementsOf<Effect>{layout_.lay_out(effect, piece_size), {}});
+          own->memory.resize(own->rest.size() * memory_of<Effect>);
+        }
+      }
     });
-    corrections_.resize(scene_.contacts * layout_.copy_count());
+    make_views();
   }
 
   void advance_frame() override {
     for (int substep = 0; substep < program_.substeps; ++substep) {
       const Step<T> step = program_.step(step_++);
+      std::vector<Vec3<T>> sums;
       for (int block = 0; block < layout_.block_count(); ++block) {
         const auto x = vertices(block);
-        for (int i = 0; i < x.count; ++i) begin_copy(member_, step, x, i);
+        for (int i = 0; i < x.count; ++i) begin_local(scenes_[block], step, x, i);
         for_each_view<EffectKind::element>(
-            member_, [&]<class Effect>(const auto& view, int) { sweep<Effect>(view, block, x); });
+            scenes_[block], [&]<class Effect>(const auto& view, int) { sweep<Effect>(view, x); });
+        for (int i = 0; i < x.count; ++i) sums.push_back(sum_of_copies(x, i));
       }
-      const std::vector<Row<T>> swept = d_;
       for (int block = 0; block < layout_.block_count(); ++block) {
-        const auto x = vertices(block);
-        const int first = layout_.copies_in(block).begin;
-        for (int i = 0; i < x.count; ++i) {
-          finish_copy(member_, step, x, i, average(swept, layout_.vertex_of(first + i)));
-        }
+        for_each_local(block, [&](const auto& x, int i, int vertex) {
+          Vec3<T> sum;
+          for (const int local : layout_.locals_of(vertex)) sum += sums[local];
+          finish_local(scenes_[block], step, x, i, sum);
+        });
       }
     }
   }
@@ -66,33 +78,38 @@ class HostBlocks final : public Solver {
   State state() const override {
     State state{std::vector<Vec3<double>>(program_.rest.size()),
                 std::vector<Vec3<double>>(program_.rest.size()), step_};
-    for (std::size_t i = 0; i < state.u.size(); ++i) {
-      const int copy = layout_.copies_of(static_cast<int>(i))[0];
-      state.u[i] = cast<double>(u_[copy].v);
-      state.v[i] = cast<double>(v_[copy]);
+    for (int block = 0; block < layout_.block_count(); ++block) {
+      const Range locals = layout_.locals_in(block);
+      for (int i = locals.begin; i < locals.end; ++i) {
+        const int vertex = layout_.locals()[i].vertex;
+        const int copy = layout_.copies_in(block).begin + copies_[i].begin;
+        state.u[vertex] = cast<double>(u_[copy].v);
+        state.v[vertex] = cast<double>(v_[i]);
+      }
     }
     return state;
   }
   void set_state(const State& state) override {
-    for (int copy = 0; copy < layout_.copy_count(); ++copy) {
-      u_[copy].v = cast<T>(state.u[layout_.vertex_of(copy)]);
-      v_[copy] = cast<T>(state.v[layout_.vertex_of(copy)]);
+    for (int block = 0; block < layout_.block_count(); ++block) {
+      for_each_local(block, [&](const auto& x, int i, int vertex) {
+        for_each_copy(x, i, [&](int copy) { x.u[copy].v = cast<T>(state.u[vertex]); });
+        x.v[i] = cast<T>(state.v[vertex]);
+      });
     }
     step_ = state.step;
   }
   void retune(const Model& model, const Scene& scene) override {
     program_.retune({model, scene});
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      const auto& effects = std::get<i>(program_.effects);
-      for (std::size_t k = 0; k < effects.size(); ++k) {
-        if constexpr (Effect::kind == EffectKind::element) {
+      if constexpr (Effect::kind == EffectKind::element) {
+        const auto& effects = std::get<i>(program_.effects);
+        for (std::size_t k = 0; k < effects.size(); ++k) {
           auto& own = *std::get<i>(own_)[k];
           std::ranges::copy(layout_.rest_of(effects[k], own.element_of), own.rest.begin());
-        } else if constexpr (requires { effects[k].device; }) {
-          std::get<i>(views_)[k].device = effects[k].device;
         }
       }
     });
+    make_views();
   }
   std::size_t contact_count() const override { return 0; }
   std::string device() const override { return "host stand-in"; }
@@ -110,32 +127,60 @@ class HostBlocks final : public Solver {
   template <class Effect>
   using Own = std::unique_ptr<ElementsOf<Effect>>;
 
-  template <class Effect, std::size_t i>
-  void view(const Prepared<Effect, T>& effect) {
-    if constexpr (Effect::kind == EffectKind::element) {
-      auto& own = std::get<i>(own_).emplace_back(
-          new ElementsOf<Effect>{layout_.lay_out(effect, work_room<Effect, T>(room_)), {}});
-      own->memory.resize(own->rest.size() * memory_of<Effect>);
-      std::get<i>(views_).push_back({own->vertices.data(), own->rest.data(),
-                                     own->phase_begin.data(), own->piece_phase.data(),
-                                     own->block_piece.data(), own->memory.data()});
-    } else if constexpr (requires { effect.device; }) {
-      std::get<i>(views_).push_back({effect.device});
+  void make_views() {
+    views_.assign(layout_.block_count(), {});
+    scenes_.assign(layout_.block_count(), {});
+    tables_.clear();
+    for (int block = 0; block < layout_.block_count(); ++block) {
+      scenes_[block].dt = static_cast<T>(program_.dt);
+      Effects::for_each([&]<class Effect, std::size_t i>() {
+        auto& views = std::get<i>(views_[block]);
+        for (std::size_t k = 0; k < std::get<i>(program_.effects).size(); ++k) {
+          const auto& effect = std::get<i>(program_.effects)[k];
+          if constexpr (Effect::kind == EffectKind::element) {
+            auto& own = *std::get<i>(own_)[k];
+            const EffectView<Effect, T> all{own.vertices.data(),    own.rest.data(),
+                                            own.memory.data(),      own.phase_begin.data(),
+                                            own.piece_phase.data(), own.block_piece.data()};
+            const int first = own.block_piece[block], end = own.block_piece[block + 1];
+            tables_.emplace_back(
+                table_size(end - first, own.piece_phase[end] - own.piece_phase[first]));
+            view_of_block(all, block, 0, 1, tables_.back().data(), views.emplace_back());
+          } else if constexpr (requires { effect.device; }) {
+            views.push_back({effect.device});
+          }
+        }
+        static_cast<BlockViews<Effect, T>&>(scenes_[block].effects) = {
+            views.data(), static_cast<int>(views.size())};
+      });
     }
   }
 
   BlockVertices<T> vertices(int block) {
-    const Range copies = layout_.copies_in(block);
-    const int first = copies.begin;
-    return {u_.data() + first,    d_.data() + first,
-            v_.data() + first,    corrections_.data() + scene_.contacts * first,
-            rest_.data() + first, leader_.empty() ? nullptr : leader_.data() + first,
-            copies.end - first};
+    const int copy = layout_.copies_in(block).begin;
+    const Range locals = layout_.locals_in(block);
+    const int first = locals.begin;
+    return {u_.data() + copy,
+            d_.data() + copy,
+            v_.data() + first,
+            corrections_.data() + contacts_ * first,
+            constants_.rest.data() + first,
+            copies_.data() + first,
+            constants_.share.data() + first,
+            constants_.leader.empty() ? nullptr : constants_.leader.data() + first,
+            locals.end - first};
+  }
+  // function(block's vertices, index among them, vertex)
+  template <class Function>
+  void for_each_local(int block, Function&& function) {
+    const auto x = vertices(block);
+    const int first = layout_.locals_in(block).begin;
+    for (int i = 0; i < x.count; ++i) function(x, i, layout_.locals()[first + i].vertex);
   }
 
   template <class Effect>
-  void sweep(const BlockView<Effect, T>& view, int block, const BlockVertices<T>& x) {
-    for (int piece = view.block_piece[block]; piece < view.block_piece[block + 1]; ++piece) {
+  void sweep(const BlockView<Effect, T>& view, const BlockVertices<T>& x) {
+    for (int piece = 0; piece < view.pieces; ++piece) {
       sweep_piece(view, view.phase_begin[view.piece_phase[piece]],
                   view.phase_begin[view.piece_phase[piece + 1]], x);
     }
@@ -163,26 +208,19 @@ class HostBlocks final : public Solver {
     }
   }
 
-  Vec3<T> average(const std::vector<Row<T>>& swept, int vertex) const {
-    const auto copies = layout_.copies_of(vertex);
-    if (copies.size() == 1) return swept[copies[0]].v;
-    Vec3<T> sum;
-    for (const int copy : copies) sum += swept[copy].v;
-    return (T(1) / static_cast<T>(copies.size())) * sum;
-  }
-
   Program<T> program_;
   BlockLayout layout_;
   bool linearized_;
-  std::size_t room_;
-  BlockScene<T> scene_;
-  MemberScene<T> member_{scene_, 0};
-  Effects::Slots<View> views_;
+  std::vector<BlockScene<T>> scenes_;        // [blocks]
+  std::vector<Effects::Slots<View>> views_;  // [blocks]
+  std::deque<std::vector<int>> tables_;      // of the views
   Effects::Slots<Own> own_;
   std::uint64_t step_ = 0;
-  std::vector<Vec3<T>> rest_, v_, corrections_;
+  int contacts_ = 0;  // contact effects named
+  LocalConstants<T> constants_;
+  std::vector<CopyRange> copies_;
+  std::vector<Vec3<T>> v_, corrections_;
   std::vector<Row<T>> u_, d_;
-  std::vector<int> leader_;
 };
 
 }  // namespace viscera::sim
