@@ -47,6 +47,8 @@ Workplace::Workplace() : folder_(fs::temp_directory_path()) {
        {"alpha", "beta", "gamma", "delta", "echo", "refit", "loop_one", "loop_two"}) {
     link_or_copy(built / "fake_stage", path(std::string("bin/viscera-") + stage));
   }
+  for (int s = 1; s <= 6; ++s)
+    link_or_copy(built / "fake_stage", path(fmt::format("bin/viscera-s{}", s)));
   write("volume.txt", "voxels\n");
   write("spec.yaml", R"(viscera: 1
 vars:
