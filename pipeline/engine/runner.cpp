@@ -106,7 +106,7 @@ class Runner {
       }
       if (earlier) compare(*earlier, entry);
       ran = true;
-      store_.digests().save();
+      store_.digests().save_now_and_then();
       return entry;
     } catch (...) {
       std::error_code ignored;

@@ -157,6 +157,28 @@ TEST(FullDisk, EndsWithAnErrorAndTheNextRunWithSpaceCompletes) {
   EXPECT_LT(failed, 12);
 }
 
+TEST(FullDisk, StagesNameTheFileThatDidNotFitAndLeaveNone) {
+  const Workplace work;
+  if (run_on_small_disk(work, 64, "true").exit != 0)
+    GTEST_SKIP() << "no file system of its own: unshare -rm and mount are not permitted here";
+  const std::string labels =
+      fmt::format("{}/viscera-labels --quiet --in volume={}", VISCERA_BIN, PHANTOM);
+  const std::string surface =
+      fmt::format("{}/viscera-surface --quiet --in labels=labels/labels.nrrd", VISCERA_BIN);
+  ASSERT_EQ(run_on_small_disk(work, 64, labels + " --out labels").exit, 0);
+  for (const auto& [stage, file] :
+       {std::pair(labels, "labels.nrrd"), std::pair(surface, "surface.vtp")}) {
+    const auto run = run_on_small_disk(
+        work, 8,
+        fmt::format("code=0\n{} --out small/out || code=$?\nfind small -type f\nexit $code",
+                    stage));
+    EXPECT_EQ(run.exit, 2) << run.errors;
+    EXPECT_EQ(run.out, "");
+    EXPECT_TRUE(contains(run.errors, std::string(file) + ": cannot be written")) << run.errors;
+    EXPECT_TRUE(contains(run.errors, "space")) << run.errors;
+  }
+}
+
 TEST(ReadOnlyCache, IsAnErrorThatNamesIt) {
   const Workplace work;
   ASSERT_EQ(work.run().exit, 0);
