@@ -102,8 +102,8 @@ CommandResult Workplace::finish(pid_t process) const {
   result.exit = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   const fs::path out = path(fmt::format(".{}.out", process));
   const fs::path errors = path(fmt::format(".{}.err", process));
-  result.out = read_file(out);
-  result.errors = read_file(errors);
+  if (fs::exists(out)) result.out = read_file(out);  // a process may be killed before it made them
+  if (fs::exists(errors)) result.errors = read_file(errors);
   fs::remove(out);
   fs::remove(errors);
   return result;
