@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
@@ -14,7 +15,15 @@ namespace viscera {
 namespace fs = std::filesystem;
 namespace {
 
-ScalarImage read_series(const fs::path& folder) {
+// Of two machines or sessions: equal numbers are other places then.
+void check_frame(const DicomPlane& plane, const std::string& wanted) {
+  const std::string& found = plane.frame_of_reference;
+  if (wanted.empty() || found.empty() || found == wanted) return;
+  throw bad_image(plane.file, "FrameOfReferenceUID", found, wanted + ", that of the labels",
+                  "give the series that was segmented, or one registered to it");
+}
+
+ScalarImage read_series(const fs::path& folder, const std::string& frame_of_reference) {
   std::vector<DicomPlane> planes;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
@@ -25,13 +34,14 @@ ScalarImage read_series(const fs::path& folder) {
     throw bad_image(folder, "", "an empty folder", "the DICOM files of one series", "");
   std::sort(planes.begin(), planes.end(),
             [](const DicomPlane& a, const DicomPlane& b) { return a.file < b.file; });
+  check_frame(planes.front(), frame_of_reference);
   DicomStack stack = stack_planes(std::move(planes), false);
   orthonormalise(folder, stack.frame);
   return {stack.frame, std::move(stack.values)};
 }
 
-ScalarImage read_any(const fs::path& path) {
-  if (fs::is_directory(path)) return read_series(path);
+ScalarImage read_any(const fs::path& path, const std::string& frame_of_reference) {
+  if (fs::is_directory(path)) return read_series(path, frame_of_reference);
   if (is_dicom(path)) {
     throw bad_image(path, "SOPClassUID", "a single DICOM file", "the folder of the series",
                     "give the folder");
@@ -146,9 +156,9 @@ std::map<int, Measured> measure(const ScalarImage& image, const LabelImage& labe
 
 }  // namespace
 
-void pass_on_image(StageRun& run, const LabelImage& labels) {
+void pass_on_image(StageRun& run, const LabelImage& labels, const std::string& frame_of_reference) {
   const fs::path path = run.input("image");
-  const ScalarImage part = cut(path, read_any(path), labels.frame);
+  const ScalarImage part = cut(path, read_any(path, frame_of_reference), labels.frame);
   check_finite(path, part);
   Json list = Json::array();
   Measured all;

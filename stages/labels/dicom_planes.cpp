@@ -139,6 +139,7 @@ std::array<int, 2> plane_size(const Attributes& image) {
 DicomPlane read_place(const fs::path& path, const Attributes& image, int& bits) {
   DicomPlane plane{.file = path,
                    .series = image.text(DCM_SeriesInstanceUID),
+                   .frame_of_reference = image.text(DCM_FrameOfReferenceUID),
                    .position = image.reals<3>(DCM_ImagePositionPatient),
                    .orientation = image.orientation(),
                    .spacing = image.spacing(),
@@ -239,6 +240,7 @@ DicomFile read_segmentation_object(const fs::path& path, const Attributes& image
     const auto axes = functional_group(image, frame, DCM_PlaneOrientationSequence);
     const auto segment = functional_group(image, frame, DCM_SegmentIdentificationSequence);
     DicomPlane plane{.file = path,
+                     .frame_of_reference = image.text(DCM_FrameOfReferenceUID),
                      .segment = segment.integer(DCM_ReferencedSegmentNumber, 1, 65535),
                      .value = 1,
                      .position = place.reals<3>(DCM_ImagePositionPatient),

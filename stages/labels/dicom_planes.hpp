@@ -16,6 +16,7 @@ namespace viscera {
 struct DicomPlane {
   std::filesystem::path file;
   std::string series;                   // its UID
+  std::string frame_of_reference;       // UID: planes with the same one share coordinates
   int segment = 1;                      // number within a segmentation object
   int value = 0;                        // of the mask in the file, 255; 0 when the plane is empty
   std::array<double, 3> position{};     // LPS mm, centre of the first pixel

@@ -302,7 +302,7 @@ void run_labels(StageRun& run) {
 
   const Json labels = describe_labels(result, materials, cuts);
   write_nrrd(run.out("labels.nrrd"), result);
-  if (run.has_input("image")) pass_on_image(run, result);
+  if (run.has_input("image")) pass_on_image(run, result, segmentation.frame_of_reference);
   write_atomically(run.out("labels.json"),
                    Json{{"labels", labels}, {"frame", frame_json(result.frame)}}.dump(1) + "\n");
   for (const auto& label : labels) {

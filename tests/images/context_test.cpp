@@ -53,6 +53,23 @@ class Context : public ::testing::Test {
     if (!image.empty()) arguments.insert(arguments.end(), {"--in", "image=" + image.string()});
     return testing::run_stage(labels_stage(), arguments);
   }
+  // A mask and a CT of four DICOM planes, each in its frame of reference.
+  testing::Outcome run_dicom(const std::string& of_mask, const std::string& of_ct) {
+    for (int k = 0; k < 4; ++k) {
+      auto mask = testing::dicom_plane(k), ct_plane = testing::dicom_ct_plane(k, 10 * k);
+      mask[0x00200052] = testing::text_element("UI", of_mask);
+      ct_plane[0x00200052] = testing::text_element("UI", of_ct);
+      for (const auto& [folder, set] : {std::pair("mask", mask), std::pair("ct", ct_plane)}) {
+        fs::create_directories(folder_.path() / folder);
+        write_atomically(folder_.path() / folder / (std::to_string(k) + ".dcm"),
+                         testing::dicom_file(set));
+      }
+    }
+    return testing::run_stage(
+        labels_stage(), {"--in", "volume=" + (folder_.path() / "mask").string(), "--in",
+                         "image=" + (folder_.path() / "ct").string(), "--set", "min_component=0ml",
+                         "--set", "border=warn", "--out", out().string()});
+  }
   void expect_refused(const fs::path& image, const std::string& words) {
     const auto outcome = run(image);
     EXPECT_EQ(outcome.code, 4) << outcome.log;
@@ -98,19 +115,16 @@ TEST_F(Context, EachLabelIsMeasured) {
   EXPECT_NEAR(found["labels"][1]["mean_hu"].get<double>(), 20.0, 8.0);
 }
 
+TEST_F(Context, ASeriesInAnotherFrameOfReferenceIsRefused) {
+  const auto outcome = run_dicom("1.2.840.1", "1.2.840.2");
+  EXPECT_EQ(outcome.code, 4) << outcome.log;
+  EXPECT_NE(outcome.log.find("0.dcm: FrameOfReferenceUID: 1.2.840.2"), std::string::npos)
+      << outcome.log;
+  EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
 TEST_F(Context, AFolderOfDicomPlanesIsRead) {
-  for (int k = 0; k < 4; ++k) {
-    fs::create_directories(folder_.path() / "mask");
-    fs::create_directories(folder_.path() / "ct");
-    const std::string name = std::to_string(k) + ".dcm";
-    write_atomically(folder_.path() / "mask" / name, testing::dicom_file(testing::dicom_plane(k)));
-    write_atomically(folder_.path() / "ct" / name,
-                     testing::dicom_file(testing::dicom_ct_plane(k, 10 * k)));
-  }
-  const auto outcome = testing::run_stage(
-      labels_stage(), {"--in", "volume=" + (folder_.path() / "mask").string(), "--in",
-                       "image=" + (folder_.path() / "ct").string(), "--set", "min_component=0ml",
-                       "--set", "border=warn", "--out", out().string()});
+  const auto outcome = run_dicom("1.2.840.1", "1.2.840.1");
   ASSERT_EQ(outcome.code, 0) << outcome.log;
   const ScalarImage image = read_scalar_image(out() / "image.nrrd");
   EXPECT_EQ(image.frame.size, (std::array<int, 3>{6, 5, 4}));
