@@ -60,11 +60,12 @@ int kills() {
 TEST(Killed, AtAnyMomentEngineOrStageLeaveNothingWrongAndTheNextRunGoesOn) {
   const Workplace work;
   std::mt19937 random(1);
+  ASSERT_EQ(work.run().exit, 0);  // asks the stages for their declarations, as later ones do not
   const auto begin = std::chrono::steady_clock::now();
-  ASSERT_EQ(work.run().exit, 0);
+  ASSERT_EQ(work.run({"--set", "alpha.text=timed"}).exit, 0);
   const auto whole =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin);
-  std::uniform_real_distribution<double> moment(0.0, 1.2 * whole.count());
+  std::uniform_real_distribution<double> moment(0.0, whole.count());
   int killed = 0;
   for (int round = 0; round < kills(); ++round) {
     const std::string text = fmt::format("round {}.", round);
@@ -86,7 +87,7 @@ TEST(Killed, AtAnyMomentEngineOrStageLeaveNothingWrongAndTheNextRunGoesOn) {
     EXPECT_TRUE(contains(page_of(work, text), text));
     EXPECT_TRUE(fs::is_empty(work.path("out/.cache/work")));
   }
-  EXPECT_GT(killed, kills() / 3);
+  EXPECT_GT(killed, kills() / 5);  // or the test would show little
   EXPECT_EQ(work.viscera({"verify"}).exit, 0);
   EXPECT_EQ(work.viscera({"gc"}).exit, 0);
   EXPECT_TRUE(fs::is_empty(work.path("out/.cache/live")));
