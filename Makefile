@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages build run test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        bench-solver bench-mesh bench-gpu bench-surface fuzz
+        bench-solver bench-mesh bench-gpu bench-surface bench-pipeline fuzz
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -88,6 +88,12 @@ BENCH_SURFACE_CSV ?= out/bench/surface.csv
 bench-surface: build ## surfaces of every label against their goals: BENCH_SURFACES (volumes), _SURFACE_CSV
 	@mkdir -p $(dir $(BENCH_SURFACE_CSV))
 	@$(BIN)/bench_surface $(BENCH_SURFACE_CSV) $(BENCH_SURFACES)
+
+BENCH_KILLS ?= 200
+bench-pipeline: build ## the engine's own cost, and BENCH_KILLS kills, full disks, many engines
+	@$(BIN)/bench_pipeline
+	@VISCERA_KILLS=$(BENCH_KILLS) $(BIN)/test_cli --gtest_brief=1 \
+	  --gtest_filter='Killed.*:FullDisk.*:ManyEngines.*:ReadOnlyCache.*:Clock.*:Upkeep.*:*StageFails*'
 
 # ThreadSanitizer sees every pair of threads in the tests of equal bits; the rest has one thread.
 # AddressSanitizer is spared the seconds of motion that run the same code again and again.

@@ -6,11 +6,18 @@
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
 #include "pipeline/engine/runner.hpp"
+#include "pipeline/engine/upkeep.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using namespace viscera;
+
+void add_folders(CLI::App& command, fs::path& out, fs::path& cache) {
+  command.add_option("--out", out, "the run SPEC.yaml writes OUT/SPEC")->default_val("out");
+  command.add_option("--cache", cache, "folder of the cache [OUT/.cache]")
+      ->envname("VISCERA_CACHE");
+}
 
 void declare_run(CLI::App& app, RunOptions& options) {
   auto* run = app.add_subcommand("run", "runs a spec; what is in the cache is not computed again");
@@ -20,10 +27,20 @@ void declare_run(CLI::App& app, RunOptions& options) {
   run->add_option("--until", options.until, "only this stage and those that it needs");
   run->add_option("--from", options.from, "run this stage and those that need it even when cached");
   run->add_flag("--dry-run", options.dry_run, "say what would run and why; write nothing");
-  run->add_option("--out", options.out, "the run SPEC.yaml writes OUT/SPEC")->default_val("out");
-  run->add_option("--cache", options.cache, "folder of the cache [OUT/.cache]")
-      ->envname("VISCERA_CACHE");
+  add_folders(*run, options.out, options.cache);
   run->add_flag("--quiet", options.quiet, "warnings and errors only");
+}
+
+CLI::App* declare_gc(CLI::App& app, GcOptions& options, fs::path& out) {
+  auto* gc = app.add_subcommand("gc", "removes results that were not used for long");
+  gc->add_option("--max-size", options.max_size, "what may stay: 20GB, 500MB")
+      ->transform(CLI::AsSizeValue(true));
+  gc->add_option("--max-age", options.max_age_s, "since a result was last used: 30d, 12h")
+      ->transform(CLI::AsNumberWithUnit(
+          std::map<std::string, double>{{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}}));
+  gc->add_flag("--dry-run", options.dry_run, "say what would be removed; remove nothing");
+  add_folders(*gc, out, options.cache);
+  return gc;
 }
 
 int fail(ExitCode code, const std::string& message) {
@@ -38,6 +55,10 @@ int main(int argc, char** argv) {
   CLI::App app("From a segmented CT to a soft-tissue simulation.", "viscera");
   app.require_subcommand(1);
   declare_run(app, options);
+  GcOptions gc_options;
+  const auto* gc = declare_gc(app, gc_options, options.out);
+  auto* verify = app.add_subcommand("verify", "reads all results; removes what is damaged");
+  add_folders(*verify, options.out, options.cache);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -46,6 +67,12 @@ int main(int argc, char** argv) {
   try {
     log::catch_interrupts();
     if (options.cache.empty()) options.cache = options.out / ".cache";
+    if (*gc) {
+      if (gc_options.cache.empty()) gc_options.cache = options.cache;
+      collect_garbage(gc_options);
+      return 0;
+    }
+    if (*verify) return static_cast<int>(verify_store(options.cache));
     options.programs = fs::read_symlink("/proc/self/exe").parent_path();
     return static_cast<int>(run_spec(options));
   } catch (const Error& e) {

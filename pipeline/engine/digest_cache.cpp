@@ -74,8 +74,13 @@ std::string DigestCache::input_digest(const fs::path& path) {
   return viscera::input_digest(path, [this](const fs::path& file) { return digest(file); }).sha256;
 }
 
+void DigestCache::save_now_and_then() {
+  if (std::chrono::steady_clock::now() - saved_ > std::chrono::seconds(2)) save();
+}
+
 void DigestCache::save() {
   if (!changed_) return;
+  saved_ = std::chrono::steady_clock::now();
   Json json = Json::object();
   for (const auto& [path, known] : known_) {
     const auto now = look_at(path);

@@ -3,6 +3,7 @@
 // remembered: it could change again within the clock's grain.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -27,6 +28,10 @@ class DigestCache {
   // Writes what was learnt, if anything was; forgets files that are gone.
   void save();
 
+  // The same, at most every two seconds: it looks at every file, of which a cohort has thousands. A
+  // run that is killed in between has to read some of them again.
+  void save_now_and_then();
+
  private:
   struct Known {
     std::uintmax_t size = 0, inode = 0;
@@ -41,6 +46,7 @@ class DigestCache {
   std::filesystem::path file_;
   std::map<std::string, Known> known_;  // by absolute path
   bool changed_ = false;
+  std::chrono::steady_clock::time_point saved_{};
 };
 
 }  // namespace viscera

@@ -34,7 +34,7 @@ Error no_locks(const std::filesystem::path& path, int failure) {
 
 }  // namespace
 
-FileLock::FileLock(const std::filesystem::path& path, const std::string& purpose)
+FileLock::FileLock(const std::filesystem::path& path, const std::string& purpose, Kind kind)
     // Closed on exec: a stage that outlived us must not keep the lock.
     : file_(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666)) {
   if (file_ < 0) {
@@ -44,7 +44,8 @@ FileLock::FileLock(const std::filesystem::path& path, const std::string& purpose
                                   .remedy = "choose another --out or --cache"});
   }
   bool told = false;
-  while (flock(file_, LOCK_EX | LOCK_NB) != 0) {
+  const int wanted = kind == Kind::shared ? LOCK_SH : LOCK_EX;
+  while (flock(file_, wanted | LOCK_NB) != 0) {
     const int failure = errno;
     try {
       if (failure != EWOULDBLOCK && failure != EINTR) throw no_locks(path, failure);
@@ -58,6 +59,7 @@ FileLock::FileLock(const std::filesystem::path& path, const std::string& purpose
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
+  if (kind == Kind::shared) return;  // whom one waits for is who holds it alone
   const std::string text = fmt::format("process {} ({})", getpid(), purpose);
   (void)!ftruncate(file_, 0);
   (void)!pwrite(file_, text.data(), text.size(), 0);

@@ -1,5 +1,4 @@
-// An exclusive lock on a file, held by a process and gone with it: a killed holder leaves nothing
-// to clean up.
+// A lock on a file, held by a process and gone with it: a killed holder leaves nothing to clean up.
 #pragma once
 
 #include <filesystem>
@@ -9,10 +8,13 @@ namespace viscera {
 
 class FileLock {
  public:
+  enum class Kind { exclusive, shared };  // shared: with others that share it
+
   // Makes the file when needed. Waits while another process holds it, and says once who that is and
   // what for: "waits for process 12 (run demo)". Throws Error(usage) when the file cannot be made,
   // Error(interrupted) on SIGINT or SIGTERM.
-  FileLock(const std::filesystem::path& path, const std::string& purpose);
+  FileLock(const std::filesystem::path& path, const std::string& purpose,
+           Kind kind = Kind::exclusive);
   ~FileLock();
   FileLock(const FileLock&) = delete;
   FileLock& operator=(const FileLock&) = delete;

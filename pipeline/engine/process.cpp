@@ -83,20 +83,23 @@ class Child {
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
 
+  // Its status as waitpid gives it.
   int wait_for() {
-    int status = 0;
-    while (waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+    while (pid_ > 0 && waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
     }
     pid_ = 0;
-    return status;
+    return status_;
+  }
+  bool ended() {
+    if (pid_ > 0 && waitpid(pid_, &status_, WNOHANG) == pid_) pid_ = 0;
+    return pid_ == 0;
   }
 
  private:
   void stop() {
     kill(pid_, SIGTERM);
     const auto deadline = std::chrono::steady_clock::now() + patience;
-    int status = 0;
-    while (waitpid(pid_, &status, WNOHANG) == 0) {
+    while (!ended()) {
       if (std::chrono::steady_clock::now() > deadline) {
         kill(pid_, SIGKILL);
         wait_for();
@@ -104,10 +107,10 @@ class Child {
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
-    pid_ = 0;
   }
 
   pid_t pid_ = 0;
+  int status_ = 0;
 };
 
 class LineSplitter {
@@ -145,8 +148,9 @@ ProcessEnd run_process(const std::vector<std::string>& arguments,
                                   pollfd{errors.read_end(), POLLIN, 0}};
   std::array<char, 16384> buffer{};
   while (open_ends[0].fd >= 0 || open_ends[1].fd >= 0) {
-    poll(open_ends.data(), open_ends.size(), 100);
+    const bool silent = poll(open_ends.data(), open_ends.size(), 100) == 0;
     log::check_interrupt();
+    if (silent && child.ended()) break;  // a process that it left behind holds the pipes open
     for (auto& source : open_ends) {
       if (source.fd < 0 || source.revents == 0) continue;
       const auto count = read(source.fd, buffer.data(), buffer.size());

@@ -97,14 +97,16 @@ class Runner {
     log::info("{}: {}", plan_[i].name(), why(i, transcript, damage));
     const fs::path work = store_.fresh_work_folder(key);
     try {
-      run_program(i, work);
-      Entry entry = store_.publish(key, transcript.text(), work, stage_key.inputs);
+      const ExitCode ended = run_program(i, work);
+      Entry entry =
+          store_.publish(key, transcript.text(), work,
+                         {.stage = plan_[i].name(), .exit = ended, .inputs = stage_key.inputs});
       if (const std::string& reason = entry.manifest.uncacheable; !reason.empty()) {
         log::warn("{}: not kept for later runs: {}", plan_[i].name(), reason);
       }
       if (earlier) compare(*earlier, entry);
       ran = true;
-      store_.digests().save();
+      store_.digests().save_now_and_then();
       return entry;
     } catch (...) {
       std::error_code ignored;
@@ -124,7 +126,8 @@ class Runner {
     if (!same) log::warn("{}: another result than before for equal input", now.manifest.stage);
   }
 
-  void run_program(std::size_t i, const fs::path& work) {
+  // How the stage ended, of the ends that leave a result.
+  ExitCode run_program(std::size_t i, const fs::path& work) {
     const std::string& stage = plan_[i].name();
     bool said_why = false;
     const ProcessEnd end = run_process(arguments(i, work), [&](std::string_view line) {
@@ -149,7 +152,7 @@ class Runner {
       case ExitCode::ok:
       case ExitCode::gate_failed:
       case ExitCode::diverged:
-        return;
+        return static_cast<ExitCode>(end.exit_code);
       case ExitCode::internal:
       case ExitCode::usage:
       case ExitCode::bad_config:

@@ -66,9 +66,11 @@ void check_inputs(const Manifest& manifest, const std::multimap<std::string, std
 Store::Store(fs::path folder, bool read_only)
     : folder_(std::move(folder)), read_only_(read_only), digests_(folder_ / "digests.json") {
   if (read_only_) return;
-  for (const char* part : {"objects", "entries", "locks", "work", "describe"}) {
+  for (const char* part : {"objects", "entries", "locks", "work", "live", "describe"}) {
     make_folder(folder_ / part);
   }
+  const FileLock use(folder_ / use_lock, "", FileLock::Kind::shared);
+  live_.emplace(folder_ / "live");
   sweep_work();
 }
 
@@ -81,6 +83,21 @@ fs::path Store::entry_file(const std::string& key) const {
 }
 
 Lookup Store::find(const std::string& key) {
+  std::optional<FileLock> use;
+  if (!read_only_) use.emplace(folder_ / use_lock, "", FileLock::Kind::shared);
+  Lookup found = read_entry(key);
+  if (!found.entry) return found;
+  const std::string damage = damage_of(found.entry->manifest);
+  if (!damage.empty()) return {.damage = damage};
+  if (live_) {
+    live_->note(key);
+    std::error_code ignored;  // a time that cannot be set costs the entry its place in gc's order
+    fs::last_write_time(entry_file(key), fs::file_time_type::clock::now(), ignored);
+  }
+  return found;
+}
+
+Lookup Store::read_entry(const std::string& key) const {
   if (!fs::exists(entry_file(key))) return {};
   const Json json = Json::parse(read_file(entry_file(key)), nullptr, false);
   try {
@@ -92,8 +109,6 @@ Lookup Store::find(const std::string& key) {
     if (json.at("schema") != entry_schema || sha256(entry.transcript) != key || !sealed) {
       return {.damage = "the cache entry is damaged"};
     }
-    const std::string damage = damage_of(entry.manifest);
-    if (!damage.empty()) return {.damage = damage};
     return {.entry = std::move(entry)};
   } catch (const Json::exception&) {
     return {.damage = "the cache entry is damaged"};
@@ -114,7 +129,7 @@ std::string Store::damage_of(const Manifest& manifest) {
 }
 
 Entry Store::publish(const std::string& key, const std::string& transcript, const fs::path& work,
-                     const std::multimap<std::string, std::string>& inputs) {
+                     const Claim& claim) {
   const fs::path manifest_file = work / "manifest.json";
   if (!fs::exists(manifest_file)) throw unsound(work.string(), "the stage left no manifest.json");
   Entry entry{.key = key, .transcript = transcript};
@@ -124,7 +139,15 @@ Entry Store::publish(const std::string& key, const std::string& transcript, cons
   } catch (const Json::exception& e) {
     throw unsound(manifest_file.string(), e.what());
   }
-  check_inputs(entry.manifest, inputs);
+  if (entry.manifest.stage != claim.stage || entry.manifest.exit != claim.exit) {
+    throw unsound(
+        claim.stage,
+        fmt::format("its manifest speaks of stage '{}' with exit {}, its process ended with "
+                    "{}",
+                    entry.manifest.stage, static_cast<int>(entry.manifest.exit),
+                    static_cast<int>(claim.exit)));
+  }
+  check_inputs(entry.manifest, claim.inputs);
   entry.manifest_json["key"] = key;
   for (const auto& output : entry.manifest.outputs) {
     const fs::path file = work / output.path;
@@ -133,7 +156,10 @@ Entry Store::publish(const std::string& key, const std::string& transcript, cons
       throw unsound(entry.manifest.stage, output.path + " is not what the manifest says it is");
     }
   }
+  const FileLock use(folder_ / use_lock, "", FileLock::Kind::shared);
+  live_->note(key);
   for (const auto& output : entry.manifest.outputs) {
+    live_->note(output.sha256);  // of a result that is not kept nothing else speaks
     const fs::path file = work / output.path, stored = object(output.sha256);
     make_folder(stored.parent_path());
     if (fs::exists(stored) && digests_.digest(stored) == output.sha256) continue;

@@ -5,6 +5,8 @@
 //                         the objects; published last, so that a killed run leaves none
 //   locks/<key>           held while that key is being computed
 //   work/<key>/           where the stage of that key writes; swept when nobody holds its lock
+//   live/<process>-<n>    held by a run while it lives: what it took or made, which gc leaves alone
+//   use.lock              shared by runs while they take or make a result, held alone by gc
 //   digests.json, describe/*.json   remembered file digests and stage declarations
 //
 // Every file appears by a rename within its folder. Nothing is served that was not verified: sizes
@@ -18,6 +20,7 @@
 #include "pipeline/contract/manifest.hpp"
 #include "pipeline/engine/digest_cache.hpp"
 #include "pipeline/engine/file_lock.hpp"
+#include "pipeline/engine/live_run.hpp"
 
 namespace viscera {
 
@@ -32,21 +35,29 @@ struct Lookup {
   std::string damage;  // why an existing entry cannot be served; empty when there was none
 };
 
+inline constexpr const char* use_lock = "use.lock";
+
 class Store {
  public:
   // Makes the folders, unless `read_only` (then nothing is ever written). Throws Error(usage) when
   // the folder cannot be used.
   Store(std::filesystem::path folder, bool read_only);
 
+  // A result that is found counts as used now.
   Lookup find(const std::string& key);
 
   // Moves the outputs that `work`'s manifest names into the store and enters them under `key`,
   // unless the manifest says that they are not for later runs. Throws Error(internal) when the
-  // manifest is missing or does not agree with the files, and Error(try_again) when the stage read
-  // other inputs than `inputs` (digests by role), those of the key: a file changed in between.
+  // manifest is missing or does not agree with the files or with how the stage `claim`s to have
+  // ended, and Error(try_again) when it read other inputs than those of the key: a file changed in
+  // between.
+  struct Claim {
+    std::string stage;
+    ExitCode exit = ExitCode::ok;                    // of its process
+    std::multimap<std::string, std::string> inputs;  // digests by role, as in the key
+  };
   Entry publish(const std::string& key, const std::string& transcript,
-                const std::filesystem::path& work,
-                const std::multimap<std::string, std::string>& inputs);
+                const std::filesystem::path& work, const Claim& claim);
 
   // Makes `folder` hold the entry's outputs as hard links (copies where links cannot be made), with
   // the manifest last, and removes those of an earlier entry. Leaves alone what is already so.
@@ -58,19 +69,23 @@ class Store {
   FileLock lock(const std::string& key, const std::string& purpose) const;
   std::filesystem::path fresh_work_folder(const std::string& key) const;  // hold the key's lock
 
+  // The entry as it stands, whether or not its objects are there.
+  Lookup read_entry(const std::string& key) const;
+
   const std::filesystem::path& folder() const { return folder_; }
+  std::filesystem::path object(const std::string& sha256) const;
+  std::filesystem::path entry_file(const std::string& key) const;
   bool read_only() const { return read_only_; }
   DigestCache& digests() { return digests_; }
 
  private:
-  std::filesystem::path object(const std::string& sha256) const;
-  std::filesystem::path entry_file(const std::string& key) const;
   std::string damage_of(const Manifest& manifest);
   void sweep_work() const;
 
   std::filesystem::path folder_;
   bool read_only_;
   DigestCache digests_;
+  std::optional<LiveRun> live_;
 };
 
 }  // namespace viscera

@@ -14,26 +14,6 @@
 
 namespace viscera::hdf5 {
 
-// Owns one HDF5 identifier.
-class Handle {
- public:
-  using Close = herr_t (*)(hid_t);
-  Handle(hid_t id, Close close) : id_(id), close_(close) {}
-  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-  Handle& operator=(Handle&&) = delete;
-  ~Handle() { reset(); }
-
-  bool valid() const { return id_ >= 0; }
-  hid_t id() const { return id_; }
-  bool reset() { return id_ < 0 || close_(std::exchange(id_, -1)) >= 0; }
-
- private:
-  hid_t id_;
-  Close close_;
-};
-
 // Our errors say what HDF5's error stack says, so its own printing is off while one of our
 // functions runs.
 class QuietHdf5 {
@@ -49,6 +29,29 @@ class QuietHdf5 {
  private:
   H5E_auto2_t print_ = nullptr;
   void* data_ = nullptr;
+};
+
+// Owns one HDF5 identifier.
+class Handle {
+ public:
+  using Close = herr_t (*)(hid_t);
+  Handle(hid_t id, Close close) : id_(id), close_(close) {}
+  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
+  Handle(const Handle&) = delete;
+  Handle& operator=(const Handle&) = delete;
+  Handle& operator=(Handle&&) = delete;
+  ~Handle() { reset(); }
+
+  bool valid() const { return id_ >= 0; }
+  hid_t id() const { return id_; }
+  bool reset() {
+    const QuietHdf5 quiet;  // closing writes what was held back, which may fail
+    return id_ < 0 || close_(std::exchange(id_, -1)) >= 0;
+  }
+
+ private:
+  hid_t id_;
+  Close close_;
 };
 
 Error write_error(const std::filesystem::path& path, const std::string& what);

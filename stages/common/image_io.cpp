@@ -192,25 +192,26 @@ Frame read_layers(const fs::path& path, const ImageHeader& header, const Keep& k
   }
 }
 
-template <class Id>
-void write_as(const fs::path& path, const LabelImage& labels) {
-  using Image = itk::Image<Id, 3>;
+template <class Stored, class Value>
+void write_as(const fs::path& path, const Frame& frame, const std::vector<Value>& values,
+              const std::map<int, std::string>& names) {
+  using Image = itk::Image<Stored, 3>;
   auto image = Image::New();
   typename Image::SizeType size;
   typename Image::DirectionType direction;
   for (unsigned a = 0; a < 3; ++a) {
-    size[a] = static_cast<itk::SizeValueType>(labels.frame.size[a]);
-    for (unsigned c = 0; c < 3; ++c) direction(a, c) = labels.frame.direction[3 * a + c];
+    size[a] = static_cast<itk::SizeValueType>(frame.size[a]);
+    for (unsigned c = 0; c < 3; ++c) direction(a, c) = frame.direction[3 * a + c];
   }
   image->SetRegions(typename Image::RegionType(size));
-  image->SetSpacing(labels.frame.spacing.data());
-  image->SetOrigin(labels.frame.origin.data());
+  image->SetSpacing(frame.spacing.data());
+  image->SetOrigin(frame.origin.data());
   image->SetDirection(direction);
   image->Allocate();
-  std::transform(labels.voxels.begin(), labels.voxels.end(), image->GetBufferPointer(),
-                 [](std::uint16_t id) { return static_cast<Id>(id); });
+  std::transform(values.begin(), values.end(), image->GetBufferPointer(),
+                 [](Value value) { return static_cast<Stored>(value); });
   auto io = itk::NrrdImageIO::New();
-  for (const auto& [id, name] : labels.names)
+  for (const auto& [id, name] : names)
     itk::EncapsulateMetaData(image->GetMetaDataDictionary(), fmt::format("{}{}", label_prefix, id),
                              name);
   auto writer = itk::ImageFileWriter<Image>::New();
@@ -218,7 +219,14 @@ void write_as(const fs::path& path, const LabelImage& labels) {
   writer->SetImageIO(io);
   writer->SetInput(image);
   writer->UseCompressionOn();
-  writer->Update();
+  try {
+    writer->Update();
+  } catch (const itk::ExceptionObject& e) {
+    throw Error(ExitCode::usage,
+                {.where = path.string(),
+                 .found = "cannot be written: " + reason(e),
+                 .remedy = "check the folder's permissions and the space left on the disk"});
+  }
 }
 
 }  // namespace
@@ -261,17 +269,30 @@ ReadImage read_image(const fs::path& path) {
   return result;
 }
 
+std::optional<std::size_t> voxel_at(const Frame& frame, const std::array<double, 3>& lps) {
+  const auto p = frame.from_lps(lps);
+  std::array<int, 3> at{};
+  for (int a = 0; a < 3; ++a) {
+    const double index = std::floor(p[a] / frame.spacing[a] + 0.5);
+    if (!(index >= 0.0 && index < frame.size[a])) return std::nullopt;
+    at[a] = static_cast<int>(index);
+  }
+  return frame.index(at[0], at[1], at[2]);
+}
+
 void write_nrrd(const fs::path& path, const LabelImage& image) {
   const bool small = std::all_of(image.voxels.begin(), image.voxels.end(),
                                  [](std::uint16_t id) { return id <= 255; });
-  try {
-    small ? write_as<std::uint8_t>(path, image) : write_as<std::uint16_t>(path, image);
-  } catch (const itk::ExceptionObject& e) {
-    throw Error(ExitCode::usage,
-                {.where = path.string(),
-                 .found = "cannot be written: " + reason(e),
-                 .remedy = "check the folder's permissions and the space left on the disk"});
-  }
+  small ? write_as<std::uint8_t>(path, image.frame, image.voxels, image.names)
+        : write_as<std::uint16_t>(path, image.frame, image.voxels, image.names);
+}
+
+void write_nrrd(const fs::path& path, const ScalarImage& image) {
+  const bool whole = std::all_of(image.values.begin(), image.values.end(), [](float value) {
+    return value == std::floor(value) && std::abs(value) <= 32767.0f;
+  });
+  whole ? write_as<std::int16_t>(path, image.frame, image.values, {})
+        : write_as<float>(path, image.frame, image.values, {});
 }
 
 }  // namespace viscera

@@ -1,10 +1,11 @@
 // Volumes on disk, of labels or of measured numbers: NIfTI through its own library, NRRD and
-// MetaImage through ITK; labels out as NRRD.
+// MetaImage through ITK; out as NRRD.
 //
 // Everything is LPS millimetres (NIfTI's RAS is turned round). At most 2^29 voxels; ids 0 to 65535.
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
 #include "stages/common/frame_repair.hpp"
 #include "stages/common/image_header.hpp"
@@ -46,8 +47,14 @@ struct ScalarImage {
 // As read_image, of any numbers.
 ScalarImage read_scalar_image(const std::filesystem::path& path);
 
+// The voxel that holds a point (LPS mm), whose reach is half its size beyond its centre.
+std::optional<std::size_t> voxel_at(const Frame& frame, const std::array<double, 3>& lps);
+
 // gzip NRRD, uint8 when every id fits, otherwise uint16; names as key/value pairs `label_ID`.
 // Deterministic bytes.
 void write_nrrd(const std::filesystem::path& path, const LabelImage& image);
+
+// The same for numbers: int16 when each is whole and fits (Hounsfield units), otherwise float32.
+void write_nrrd(const std::filesystem::path& path, const ScalarImage& image);
 
 }  // namespace viscera

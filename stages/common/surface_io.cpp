@@ -123,7 +123,7 @@ void write_vtp(const std::filesystem::path& path, const SurfaceMesh& surface) {
   if (writer->Write() == 0 || !messages.first().empty()) {
     throw Error(ExitCode::usage,
                 {.where = path.string(),
-                 .found = "cannot be written: " + messages.first(),
+                 .found = "cannot be written: " + write_problem(*writer, messages),
                  .remedy = "check the folder's permissions and the space left on the disk"});
   }
 }

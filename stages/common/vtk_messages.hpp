@@ -2,11 +2,14 @@
 // a viscera::Error instead of noise on the terminal. One at a time; restores the old window.
 #pragma once
 
+#include <vtkAlgorithm.h>
+#include <vtkErrorCode.h>
 #include <vtkLogger.h>
 #include <vtkObjectFactory.h>
 #include <vtkOutputWindow.h>
 #include <vtkSmartPointer.h>
 
+#include <cstring>
 #include <string>
 
 namespace viscera {
@@ -44,6 +47,13 @@ class VtkMessages {
 
 inline VtkMessages::Window* VtkMessages::Window::New() {
   VTK_STANDARD_NEW_BODY(Window);
+}
+
+// Why a writer did not write: the system's error where VTK kept it, which its message leaves out.
+inline std::string write_problem(vtkAlgorithm& writer, const VtkMessages& messages) {
+  const auto code = writer.GetErrorCode();
+  const bool of_system = code > 0 && code < vtkErrorCode::FirstVTKErrorCode;
+  return of_system ? std::strerror(static_cast<int>(code)) : messages.first();
 }
 
 }  // namespace viscera

@@ -2,7 +2,10 @@
 
 // clang-format off: DCMTK's configuration comes first
 #include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dcrledrg.h>
 #include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmjpeg/djdecode.h>
+#include <dcmtk/dcmjpls/djdecode.h>
 #include <dcmtk/oflog/oflog.h>
 // clang-format on
 #include <fmt/format.h>
@@ -19,6 +22,23 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t max_pixels = std::uint64_t{1} << 29;
+constexpr std::uint64_t max_expanded = std::uint64_t{1} << 24;  // pixels of one compressed plane
+
+struct Syntax {
+  const char* uid;
+  bool explicit_vr, big_endian, compressed;
+};
+
+// Lossy ones would change what is measured; deflated ones may expand a thousandfold.
+constexpr Syntax syntaxes[] = {
+    {UID_LittleEndianImplicitTransferSyntax, false, false, false},
+    {UID_LittleEndianExplicitTransferSyntax, true, false, false},
+    {UID_BigEndianExplicitTransferSyntax, true, true, false},
+    {UID_RLELosslessTransferSyntax, true, false, true},
+    {UID_JPEGProcess14TransferSyntax, true, false, true},
+    {UID_JPEGProcess14SV1TransferSyntax, true, false, true},
+    {UID_JPEGLSLosslessTransferSyntax, true, false, true},
+};
 
 // The attributes of one file, read with names in errors.
 class Attributes {
@@ -27,7 +47,7 @@ class Attributes {
 
   [[noreturn]] void refuse(const DcmTagKey& key, std::string found, std::string allowed) const {
     throw bad_image(path_, DcmTag(key).getTagName(), std::move(found), std::move(allowed),
-                    "export the segmentation again, uncompressed");
+                    "export it again, uncompressed");
   }
   bool has(const DcmTagKey& key) const { return item_.tagExistsWithValue(key); }
   std::string text(const DcmTagKey& key) const {
@@ -94,7 +114,7 @@ class Attributes {
     if (item_.findAndGetElement(DCM_PixelData, element).bad())
       refuse(DCM_PixelData, "missing", "pixels");
     const std::uint64_t there = element->getLength();
-    if (there < bytes || there > fs::file_size(path_)) {
+    if (there < bytes) {
       refuse(DCM_PixelData, fmt::format("its data end too early: {} bytes", there),
              fmt::format("{} bytes, as rows, columns and frames ask for", bytes));
     }
@@ -115,20 +135,31 @@ std::array<int, 2> plane_size(const Attributes& image) {
   return {image.integer(DCM_Columns, 1, 65535), image.integer(DCM_Rows, 1, 65535)};
 }
 
-DicomPlane read_image_plane(const fs::path& path, const Attributes& image) {
+// One image of 8 or 16 bits a pixel: where it lies, without its pixels.
+DicomPlane read_place(const fs::path& path, const Attributes& image, int& bits) {
   DicomPlane plane{.file = path,
                    .series = image.text(DCM_SeriesInstanceUID),
+                   .frame_of_reference = image.text(DCM_FrameOfReferenceUID),
                    .position = image.reals<3>(DCM_ImagePositionPatient),
                    .orientation = image.orientation(),
                    .spacing = image.spacing(),
                    .size = plane_size(image)};
   image.integer(DCM_SamplesPerPixel, 1, 1);
   if (image.has(DCM_NumberOfFrames)) image.integer(DCM_NumberOfFrames, 1, 1);
-  const int bits = image.integer(DCM_BitsAllocated, 8, 16);
+  bits = image.integer(DCM_BitsAllocated, 8, 16);
   if (bits != 8 && bits != 16) image.refuse(DCM_BitsAllocated, fmt::format("{}", bits), "8 or 16");
-  const auto pixels = static_cast<std::uint64_t>(plane.size[0]) * plane.size[1];
-  const std::size_t step = bits / 8;
-  const Uint8* bytes = image.pixels(pixels * step);
+  return plane;
+}
+
+std::uint64_t pixels_of(const DicomPlane& plane) {
+  return static_cast<std::uint64_t>(plane.size[0]) * plane.size[1];
+}
+
+DicomPlane read_mask(const fs::path& path, const Attributes& image) {
+  int bits = 0;
+  DicomPlane plane = read_place(path, image, bits);
+  const std::uint64_t pixels = pixels_of(plane);
+  const Uint8* bytes = image.pixels(pixels * bits / 8);
   for (std::size_t p = 0; p < pixels; ++p) {
     const int value = bits == 8 ? bytes[p] : reinterpret_cast<const Uint16*>(bytes)[p];
     if (value == 0) continue;
@@ -138,6 +169,27 @@ DicomPlane read_image_plane(const fs::path& path, const Attributes& image) {
     }
     plane.value = value;
     extend(plane.runs, p);
+  }
+  return plane;
+}
+
+// Stored numbers have `stored` bits, the highest a sign or not; above them anything may stand.
+DicomPlane read_values(const fs::path& path, const Attributes& image) {
+  int bits = 0;
+  DicomPlane plane = read_place(path, image, bits);
+  const int stored = image.integer(DCM_BitsStored, 1, bits);
+  image.integer(DCM_HighBit, stored - 1, stored - 1);
+  const int sign = image.integer(DCM_PixelRepresentation, 0, 1) << (stored - 1);
+  const int mask = (1 << stored) - 1;
+  const double slope = image.has(DCM_RescaleSlope) ? image.reals<1>(DCM_RescaleSlope)[0] : 1.0;
+  const double intercept =
+      image.has(DCM_RescaleIntercept) ? image.reals<1>(DCM_RescaleIntercept)[0] : 0.0;
+  const std::uint64_t pixels = pixels_of(plane);
+  const Uint8* bytes = image.pixels(pixels * bits / 8);
+  plane.values.resize(pixels);
+  for (std::size_t p = 0; p < pixels; ++p) {
+    const int raw = (bits == 8 ? bytes[p] : reinterpret_cast<const Uint16*>(bytes)[p]) & mask;
+    plane.values[p] = static_cast<float>(slope * ((raw ^ sign) - sign) + intercept);
   }
   return plane;
 }
@@ -188,6 +240,7 @@ DicomFile read_segmentation_object(const fs::path& path, const Attributes& image
     const auto axes = functional_group(image, frame, DCM_PlaneOrientationSequence);
     const auto segment = functional_group(image, frame, DCM_SegmentIdentificationSequence);
     DicomPlane plane{.file = path,
+                     .frame_of_reference = image.text(DCM_FrameOfReferenceUID),
                      .segment = segment.integer(DCM_ReferencedSegmentNumber, 1, 65535),
                      .value = 1,
                      .position = place.reals<3>(DCM_ImagePositionPatient),
@@ -206,24 +259,72 @@ DicomFile read_segmentation_object(const fs::path& path, const Attributes& image
   return file;
 }
 
-// Deflated and compressed syntaxes may expand a thousandfold: only plain ones are read.
-void check_file(const fs::path& path) {
+const Syntax& check_file(const fs::path& path) {
   DcmFileFormat head;
   const auto read =
       head.loadFile(path.c_str(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_metaOnly);
   DcmMetaInfo& info = *head.getMetaInfo();
   const Attributes meta(path, info);
   if (read.bad()) meta.refuse(DCM_FileMetaInformationVersion, read.text(), "a DICOM file");
-  const std::string syntax = meta.text(DCM_TransferSyntaxUID);
-  const bool explicit_vr = syntax == UID_LittleEndianExplicitTransferSyntax;
-  if (!explicit_vr && syntax != UID_LittleEndianImplicitTransferSyntax) {
-    meta.refuse(DCM_TransferSyntaxUID, syntax,
-                "uncompressed pixels, little endian (use dcmdjpeg, dcmdrle or dcmconv)");
+  const std::string uid = meta.text(DCM_TransferSyntaxUID);
+  const auto syntax = std::find_if(std::begin(syntaxes), std::end(syntaxes),
+                                   [&uid](const Syntax& s) { return uid == s.uid; });
+  if (syntax == std::end(syntaxes)) {
+    meta.refuse(DCM_TransferSyntaxUID,
+                fmt::format("{} {}", uid, dcmFindNameOfUID(uid.c_str(), "of an unknown name")),
+                "plain pixels, RLE, lossless JPEG or JPEG-LS (gdcmconv --raw makes them plain)");
   }
   const auto length =
       static_cast<std::uint64_t>(meta.integer(DCM_FileMetaInformationGroupLength, 0, 1 << 20));
   constexpr std::uint64_t first = 128 + 4 + 12;  // preamble, magic, this element
-  check_elements(path, first + length, explicit_vr);
+  check_elements(path, first + length, syntax->explicit_vr, syntax->big_endian);
+  return *syntax;
+}
+
+void register_decoders() {
+  static const bool once = [] {
+    DcmRLEDecoderRegistration::registerCodecs();
+    DJDecoderRegistration::registerCodecs();
+    DJLSDecoderRegistration::registerCodecs();
+    return true;
+  }();
+  (void)once;
+}
+
+// A decoder allocates by the attributes: what they promise is bounded before it runs.
+void expand(const Attributes& image, DcmDataset& data) {
+  if (image.text(DCM_SOPClassUID) == UID_SegmentationStorage)
+    image.refuse(DCM_PixelData, "a compressed segmentation object", "plain pixels");
+  image.integer(DCM_SamplesPerPixel, 1, 1);
+  if (image.has(DCM_NumberOfFrames)) image.integer(DCM_NumberOfFrames, 1, 1);
+  const auto size = plane_size(image);
+  if (static_cast<std::uint64_t>(size[0]) * size[1] > max_expanded)
+    image.refuse(DCM_Rows, fmt::format("{}x{} pixels", size[0], size[1]), "planes up to 4096x4096");
+  register_decoders();
+  const auto done = data.chooseRepresentation(EXS_LittleEndianExplicit, nullptr);
+  if (done.bad()) image.refuse(DCM_PixelData, done.text(), "pixels that can be expanded");
+}
+
+using ReadPlane = DicomPlane (*)(const fs::path&, const Attributes&);
+
+DicomFile read_file_as(const fs::path& path, ReadPlane read_plane) {
+  OFLog::configure(OFLogger::OFF_LOG_LEVEL);  // what it prints is told here by exceptions
+  if (!is_dicom(path))
+    throw bad_image(path, "", "not a DICOM file", "DICOM files only", "take it out of the folder");
+  const Syntax& syntax = check_file(path);
+  DcmFileFormat file;
+  const auto read = file.loadFile(path.c_str());
+  if (read.bad()) {
+    throw bad_image(path, syntax.compressed ? "PixelData" : "",
+                    fmt::format("cannot be read: {}", read.text()), "a whole DICOM file",
+                    "copy the file again");
+  }
+  DcmDataset& data = *file.getDataset();
+  const Attributes image(path, data);
+  if (syntax.compressed) expand(image, data);
+  if (image.text(DCM_SOPClassUID) == UID_SegmentationStorage)
+    return read_segmentation_object(path, image);
+  return {.planes = {read_plane(path, image)}};
 }
 
 }  // namespace
@@ -235,20 +336,14 @@ bool is_dicom(const fs::path& path) {
 }
 
 DicomFile read_dicom(const fs::path& path) {
-  OFLog::configure(OFLogger::OFF_LOG_LEVEL);  // what it prints is told here by exceptions
-  if (!is_dicom(path))
-    throw bad_image(path, "", "not a DICOM file", "DICOM files only", "take it out of the folder");
-  check_file(path);
-  DcmFileFormat file;
-  const auto read = file.loadFile(path.c_str());
-  if (read.bad()) {
-    throw bad_image(path, "", fmt::format("cannot be read: {}", read.text()), "a whole DICOM file",
-                    "copy the file again");
-  }
-  const Attributes image(path, *file.getDataset());
-  if (image.text(DCM_SOPClassUID) == UID_SegmentationStorage)
-    return read_segmentation_object(path, image);
-  return {.planes = {read_image_plane(path, image)}};
+  return read_file_as(path, read_mask);
+}
+
+DicomPlane read_dicom_values(const fs::path& path) {
+  DicomFile file = read_file_as(path, read_values);
+  if (file.segments.empty()) return std::move(file.planes.front());
+  throw bad_image(path, "SOPClassUID", "a segmentation object", "the planes of a CT",
+                  "name it under 'volume'");
 }
 
 }  // namespace viscera

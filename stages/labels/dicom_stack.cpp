@@ -103,7 +103,7 @@ DicomStack stack_planes(std::vector<DicomPlane> planes, bool gaps) {
     frame.direction[3 * r + 2] = normal[r];
   }
   for (std::size_t p = 0; p < planes.size(); ++p) {
-    const auto& plane = planes[p];
+    auto& plane = planes[p];
     const auto refuse = [&plane](const std::string& found, const char* allowed) {
       throw bad_image(plane.file, "ImagePositionPatient", found, allowed,
                       "give the whole series, each plane once");
@@ -129,6 +129,8 @@ DicomStack stack_planes(std::vector<DicomPlane> planes, bool gaps) {
     const auto base = static_cast<std::uint32_t>(frame.index(0, 0, k));
     auto& runs = stack.masks[plane.segment];
     for (const Run& run : plane.runs) runs.push_back({base + run.begin, run.count});
+    stack.values.insert(stack.values.end(), plane.values.begin(), plane.values.end());
+    std::vector<float>().swap(plane.values);  // a CT need not be held twice
   }
   return stack;
 }

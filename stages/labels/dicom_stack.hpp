@@ -12,6 +12,7 @@ namespace viscera {
 struct DicomStack {
   Frame frame;
   std::map<int, std::vector<Run>> masks;  // by segment number
+  std::vector<float> values;              // of a CT
 };
 
 // Planes of one series must follow each other evenly; those of a segmentation object may be absent

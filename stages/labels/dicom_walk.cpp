@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <fstream>
 #include <string_view>
@@ -15,12 +16,16 @@ namespace {
 
 constexpr std::size_t max_depth = 64;  // sequences and items, two a level
 constexpr std::uint32_t undefined = 0xffffffff, item = 0xfffee000, item_end = 0xfffee00d,
-                        sequence_end = 0xfffee0dd;
+                        sequence_end = 0xfffee0dd, pixel_data = 0x7fe00010;
 
 class Walk {
  public:
-  Walk(const fs::path& path, std::uint64_t begin, bool explicit_vr)
-      : path_(path), file_(path, std::ios::binary), at_(begin), explicit_(explicit_vr) {
+  Walk(const fs::path& path, std::uint64_t begin, bool explicit_vr, bool big_endian)
+      : path_(path),
+        file_(path, std::ios::binary),
+        at_(begin),
+        explicit_(explicit_vr),
+        big_endian_(big_endian) {
     ends_.push_back(fs::file_size(path));
     file_.seekg(static_cast<std::streamoff>(begin));
   }
@@ -45,6 +50,7 @@ class Walk {
     std::array<unsigned char, 4> raw{};
     file_.read(reinterpret_cast<char*>(raw.data()), bytes);
     at_ += static_cast<std::uint64_t>(bytes);
+    if (big_endian_) std::reverse(raw.begin(), raw.begin() + bytes);
     return raw[0] | raw[1] << 8 | raw[2] << 16 | std::uint32_t{raw[3]} << 24;
   }
 
@@ -90,31 +96,35 @@ class Walk {
     if (!file_) refuse(own, "the file ends within it");
     if (delimiter) {
       if (ends_.size() > 1) ends_.pop_back();
+      fragments_ = false;
       return;
     }
     const std::uint64_t end = length == undefined ? ends_.back() : at_ + length;
     if (end > ends_.back())
       refuse(own, fmt::format("length {} where {} bytes are left", length, ends_.back() - at_));
-    if (!nested) {
+    if (!nested || (fragments_ && own == item)) {
+      if (length == undefined) refuse(own, "a piece of compressed pixels without a length");
       at_ = end;
       file_.seekg(static_cast<std::streamoff>(at_));
       return;
     }
     if (ends_.size() > max_depth) refuse(own, "sequences nested too deep");
     ends_.push_back(end);
+    fragments_ = own == pixel_data;
   }
 
   const fs::path& path_;
   std::ifstream file_;
   std::uint64_t at_;
-  bool explicit_;
+  bool explicit_, big_endian_;
+  bool fragments_ = false;           // within compressed pixels, whose items hold no elements
   std::vector<std::uint64_t> ends_;  // of the file and of all open sequences and items
 };
 
 }  // namespace
 
-void check_elements(const fs::path& path, std::uint64_t begin, bool explicit_vr) {
-  Walk(path, begin, explicit_vr).run();
+void check_elements(const fs::path& path, std::uint64_t begin, bool explicit_vr, bool big_endian) {
+  Walk(path, begin, explicit_vr, big_endian).run();
 }
 
 }  // namespace viscera

@@ -7,8 +7,9 @@
 
 namespace viscera {
 
-// Elements from byte `begin` to the end of the file, little endian. Throws Error(bad_input) naming
+// Elements from byte `begin` to the end of the file. Throws Error(bad_input) naming
 // the file for lengths that reach beyond what encloses them, and for more than 32 nested items.
-void check_elements(const std::filesystem::path& path, std::uint64_t begin, bool explicit_vr);
+void check_elements(const std::filesystem::path& path, std::uint64_t begin, bool explicit_vr,
+                    bool big_endian);
 
 }  // namespace viscera

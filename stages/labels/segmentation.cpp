@@ -68,8 +68,9 @@ std::vector<fs::path> sorted_entries(const fs::path& folder) {
 
 Segmentation from_planes(const fs::path& path, std::vector<DicomPlane> planes,
                          const std::map<int, std::string>& names) {
+  Segmentation result{.frame_of_reference = planes.empty() ? "" : planes[0].frame_of_reference};
   DicomStack stack = stack_planes(std::move(planes), !names.empty());
-  Segmentation result{.frame = stack.frame};
+  result.frame = stack.frame;
   result.notes.pixel_type = names.empty() ? "DICOM masks" : "DICOM segmentation object";
   result.notes.repair = orthonormalise(path, result.frame);
   for (auto& [number, runs] : stack.masks) {
@@ -122,7 +123,9 @@ void check_same_grid(const fs::path& path, const Frame& frame, const Frame& firs
 
 // Sources side by side, ids numbered anew.
 Segmentation join(const std::vector<fs::path>& paths, std::vector<Segmentation> parts) {
-  Segmentation result{.frame = parts.front().frame, .notes = parts.front().notes};
+  Segmentation result{.frame = parts.front().frame,
+                      .notes = parts.front().notes,
+                      .frame_of_reference = parts.front().frame_of_reference};
   for (std::size_t p = 0; p < parts.size(); ++p) {
     check_same_grid(paths[p], parts[p].frame, result.frame);
     if (parts[p].notes.repair.shift_mm > result.notes.repair.shift_mm)

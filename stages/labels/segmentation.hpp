@@ -22,6 +22,8 @@ struct Segmentation {
   Frame frame;
   std::vector<Segment> segments;  // by id, none empty
   ImageNotes notes;
+  std::string
+      frame_of_reference;  // DICOM's UID of the coordinates; empty where the source has none
 };
 
 // What a file or folder holds:

@@ -17,6 +17,7 @@
 #include "stages/common/label_components.hpp"
 #include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"
+#include "stages/labels/context.hpp"
 #include "stages/labels/segmentation.hpp"
 
 namespace viscera {
@@ -301,6 +302,7 @@ void run_labels(StageRun& run) {
 
   const Json labels = describe_labels(result, materials, cuts);
   write_nrrd(run.out("labels.nrrd"), result);
+  if (run.has_input("image")) pass_on_image(run, result, segmentation.frame_of_reference);
   write_atomically(run.out("labels.json"),
                    Json{{"labels", labels}, {"frame", frame_json(result.frame)}}.dump(1) + "\n");
   for (const auto& label : labels) {
@@ -320,17 +322,23 @@ void run_labels(StageRun& run) {
 
 Stage labels_stage() {
   Stage stage;
-  stage.info = {.name = "labels",
-                .version = "2",
-                .doc = "A segmented volume to one clean, cropped label volume.",
-                .inputs = {{.role = "volume",
-                            .many = true,
-                            .doc = "label volume (NIfTI, NRRD with layers, MetaImage), DICOM SEG, "
-                                   "folder of DICOM masks, or several of these on one grid"}},
-                .outputs = {{"labels.nrrd", "labels", "one id per voxel, cropped, LPS mm"},
-                            {"labels.json", "", "names, ids, volumes, components, border cuts"}},
-                .params = params(),
-                .libraries = {{"ITK", itk::Version::GetITKVersion()}}};
+  stage.info = {
+      .name = "labels",
+      .version = "2",
+      .doc = "A segmented volume to one clean, cropped label volume.",
+      .inputs = {{.role = "volume",
+                  .many = true,
+                  .doc = "label volume (NIfTI, NRRD with layers, MetaImage), DICOM SEG, "
+                         "folder of DICOM masks, or several of these on one grid"},
+                 {.role = "image",
+                  .required = false,
+                  .doc = "the CT that was segmented, for the report: a volume (NIfTI, "
+                         "NRRD, MetaImage), or a folder of DICOM planes"}},
+      .outputs = {{"labels.nrrd", "labels", "one id per voxel, cropped, LPS mm"},
+                  {"image.nrrd", "image", "the CT around the labels, on its own grid, HU"},
+                  {"labels.json", "", "names, ids, volumes, components, border cuts"}},
+      .params = params(),
+      .libraries = {{"ITK", itk::Version::GetITKVersion()}}};
   stage.run = run_labels;
   stage.check = [](const StageRun& run) {
     if (run.has_param("labels")) parse_wanted(run.params().at("labels"));

@@ -80,7 +80,7 @@ std::string filled(std::string_view skeleton,
 }  // namespace
 
 std::string report_page(const std::string& title, const Json& report,
-                        const std::string& packed_geometry) {
+                        const std::string& packed_geometry, const std::string& packed_slices) {
   std::string scripts;
   for (const std::string_view file : web::scripts()) {
     scripts += "<script>\n";
@@ -91,7 +91,8 @@ std::string report_page(const std::string& title, const Json& report,
                                   {"style", std::string(web::style())},
                                   {"scripts", scripts},
                                   {"report", script_json(report)},
-                                  {"geometry", base64(packed_geometry)}});
+                                  {"geometry", base64(packed_geometry)},
+                                  {"slices", base64(packed_slices)}});
 }
 
 }  // namespace viscera

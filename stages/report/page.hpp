@@ -9,8 +9,9 @@
 
 namespace viscera {
 
-// `packed_geometry` (ViewerData::packed) may be empty: the page then has no 3D view.
+// `packed_geometry` (ViewerData::packed) and `packed_slices` (Slices::packed) may be empty: the
+// page then has no 3D view, or no slices.
 std::string report_page(const std::string& title, const Json& report,
-                        const std::string& packed_geometry);
+                        const std::string& packed_geometry, const std::string& packed_slices);
 
 }  // namespace viscera

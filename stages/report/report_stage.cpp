@@ -3,6 +3,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "stages/report/page.hpp"
+#include "stages/report/slices.hpp"
 #include "stages/report/sources.hpp"
 #include "stages/report/viewer_data.hpp"
 
@@ -20,6 +21,7 @@ StageInfo report_info() {
   };
   info.inputs = {
       optional("labels", "labels.nrrd, with labels.json and manifest.json beside it"),
+      optional("image", "image.nrrd of viscera-labels: the CT, shown with the labels on it"),
       optional("surface", "surface.vtp, with manifest.json beside it"),
       optional("mesh", "mesh.vtu, with quality.json and manifest.json beside it"),
       optional("trajectory", "trajectory.h5, with metrics.csv and manifest.json beside it")};
@@ -51,6 +53,12 @@ std::map<std::string, std::filesystem::path> given_inputs(const StageRun& run) {
 }
 
 void check(const StageRun& run) {
+  if (run.has_input("image") && !run.has_input("labels")) {
+    throw Error(ExitCode::usage, {.where = "command line",
+                                  .field = "--in image",
+                                  .found = "an image without labels to show on it",
+                                  .remedy = "add --in labels=labels.nrrd"});
+  }
   if (!given_inputs(run).empty()) return;
   throw Error(ExitCode::usage, {.where = "command line",
                                 .field = "--in",
@@ -75,7 +83,14 @@ void make_report(StageRun& run) {
     report["viewer"] = std::move(viewer.meta);
     geometry = std::move(viewer.packed);
   }
-  const std::string page = report_page(title, report, geometry);
+  report["slices"] = nullptr;
+  std::string packed_slices;
+  if (run.has_input("image")) {
+    Slices slices = slices_of(run.input("image"), run.input("labels"));
+    report["slices"] = std::move(slices.meta);
+    packed_slices = std::move(slices.packed);
+  }
+  const std::string page = report_page(title, report, geometry, packed_slices);
   write_atomically(run.out("report.html"), page);
   write_atomically(run.out("summary.json"),
                    summary_of(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n");

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <sstream>
@@ -17,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* roles_in_order[] = {"labels", "surface", "mesh", "trajectory"};
+constexpr const char* roles_in_order[] = {"labels", "image", "surface", "mesh", "trajectory"};
 const std::map<std::string, std::vector<std::string>> companions{
     {"labels", {"labels.json"}},
     {"mesh", {"quality.json"}},
@@ -134,13 +135,22 @@ void read_series(const fs::path& path, Json& sources) {
   }
 }
 
+// A stage that reads a role and writes it too (the whole CT, and what is cut of it) read another
+// file than the one it wrote.
+bool wrote(const Json& stage, const Json& given) {
+  for (const auto& output : stage["outputs"]) {
+    if (output["sha256"] == given["sha256"]) return true;
+  }
+  return false;
+}
+
 // Which inputs of the stages are the very files that this report was given.
 Json links_of(const Json& sources) {
   Json links = Json::array();
   for (const auto& stage : sources["stages"]) {
     for (const auto& input : stage["inputs"]) {
       for (const auto& given : sources["inputs"]) {
-        if (given["role"] != input["role"]) continue;
+        if (given["role"] != input["role"] || wrote(stage, given)) continue;
         links.push_back({{"stage", stage["stage"]},
                          {"role", input["role"]},
                          {"path", input["path"]},
@@ -172,7 +182,9 @@ Json read_sources(const std::map<std::string, fs::path>& inputs) {
           if (fs::exists(folder / name)) check_belongs(manifest, folder / name);
         }
       }
-      sources["stages"].push_back(manifest);
+      const auto& stages = sources["stages"];  // one stage may have written several of the inputs
+      if (std::find(stages.begin(), stages.end(), manifest) == stages.end())
+        sources["stages"].push_back(manifest);
     }
     sources["inputs"].push_back({{"role", role},
                                  {"path", file.filename().string()},

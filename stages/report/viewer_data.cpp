@@ -1,7 +1,6 @@
 #include "stages/report/viewer_data.hpp"
 
 #include <fmt/format.h>
-#include <zlib.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -10,6 +9,7 @@
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
+#include "stages/report/packed.hpp"
 
 namespace viscera {
 namespace {
@@ -213,17 +213,6 @@ void pack_ratios(const std::vector<std::vector<float>>& ratios, double range, st
       before[i] = q;
     }
   }
-}
-
-std::string deflated(const std::string& bytes) {
-  uLongf size = compressBound(bytes.size());
-  std::string out(size, '\0');
-  if (compress2(reinterpret_cast<Bytef*>(out.data()), &size,
-                reinterpret_cast<const Bytef*>(bytes.data()), bytes.size(), 9) != Z_OK) {
-    throw std::bad_alloc();
-  }
-  out.resize(size);
-  return out;
 }
 
 // Rotation and translation that bring the rest points nearest to the frame's (Umeyama 1991).

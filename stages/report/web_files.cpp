@@ -12,9 +12,12 @@ VISCERA_WEB_FILE(OrbitControls_js);
 VISCERA_WEB_FILE(chart_min_js);
 VISCERA_WEB_FILE(format_js);
 VISCERA_WEB_FILE(geometry_js);
+VISCERA_WEB_FILE(marks_js);
 VISCERA_WEB_FILE(viewer_js);
 VISCERA_WEB_FILE(charts_js);
+VISCERA_WEB_FILE(slices_js);
 VISCERA_WEB_FILE(tables_js);
+VISCERA_WEB_FILE(lost_js);
 VISCERA_WEB_FILE(main_js);
 
 #define VISCERA_WEB_VIEW(name) \
@@ -33,9 +36,10 @@ std::string_view style() {
 std::vector<std::string_view> scripts() {
   return {VISCERA_WEB_VIEW(three_min_js), VISCERA_WEB_VIEW(OrbitControls_js),
           VISCERA_WEB_VIEW(chart_min_js), VISCERA_WEB_VIEW(format_js),
-          VISCERA_WEB_VIEW(geometry_js),  VISCERA_WEB_VIEW(viewer_js),
-          VISCERA_WEB_VIEW(charts_js),    VISCERA_WEB_VIEW(tables_js),
-          VISCERA_WEB_VIEW(main_js)};
+          VISCERA_WEB_VIEW(geometry_js),  VISCERA_WEB_VIEW(marks_js),
+          VISCERA_WEB_VIEW(viewer_js),    VISCERA_WEB_VIEW(charts_js),
+          VISCERA_WEB_VIEW(slices_js),    VISCERA_WEB_VIEW(tables_js),
+          VISCERA_WEB_VIEW(lost_js),      VISCERA_WEB_VIEW(main_js)};
 }
 
 }  // namespace viscera::web

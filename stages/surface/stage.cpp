@@ -54,8 +54,8 @@ std::vector<Param> params() {
                "collapse shorter edges than this; unset: the triangles of the contour"),
       quantity(
           "edge_distance", nullptr, "mm", 0.001, 1000.0,
-          "bound on the Hausdorff distance between contour and remeshed surface, for which edges "
-          "are shortened; unset: half of the largest voxel spacing"),
+          "bound on the Hausdorff distance between contour and remeshed surface, for which points "
+          "are kept and edges shortened; unset: half of the largest voxel spacing"),
       quantity("max_volume_error", "0.2 %", "1", 0.0, 1.0,
                "gate: volume of each surface against its voxels"),
   };
@@ -125,7 +125,9 @@ Json coarsen(MatchedSurface& made, const std::string& name, const Settings& sett
               remeshed.edge > 0.0 ? fmt::format("{:.3g} mm", remeshed.edge) : "left as they are");
   }
   made.surface = std::move(remeshed.surface);
-  return {{"edge_mm", remeshed.edge}, {"distance_mm", remeshed.distance}};
+  return {{"edge_mm", remeshed.edge},
+          {"distance_mm", remeshed.distance},
+          {"points_kept", remeshed.kept}};
 }
 
 // The surface of one label (the whole body for id 0), with its metrics and gates.

@@ -57,6 +57,15 @@ INSTANTIATE_TEST_SUITE_P(Each, StageFails,
                                          Misdeed{"killed", 75, "was killed"},
                                          Misdeed{"exit42", 1, "exit code 42"},
                                          Misdeed{"no_manifest", 1, "left no manifest.json"},
+                                         Misdeed{"lie_garbage", 1, "manifest.json"},
+                                         Misdeed{"lie_outside", 1, "is not what the manifest says"},
+                                         Misdeed{"lie_link", 1, "is not what the manifest says"},
+                                         Misdeed{"lie_digest", 1, "is not what the manifest says"},
+                                         Misdeed{"lie_size", 1, "is not what the manifest says"},
+                                         Misdeed{"lie_missing", 1, "is not what the manifest says"},
+                                         Misdeed{"lie_name", 1, "speaks of stage 'alpha'"},
+                                         Misdeed{"lie_exit", 1, "with exit 5"},
+                                         Misdeed{"lie_inputs", 1, "leaves out inputs"},
                                          Misdeed{"undeclared", 1, "not declared"}),
                          [](const auto& instance) { return std::string(instance.param.how); });
 
@@ -66,6 +75,31 @@ TEST(StageOutput, GarbageOnStderrIsShownWithoutItsControlCharacters) {
   EXPECT_EQ(run.exit, 0) << run.errors;
   EXPECT_TRUE(contains(run.errors, "beta: [31mnot json")) << run.errors;
   EXPECT_FALSE(contains(run.errors, "\x1b"));
+}
+
+TEST(StageOutput, AFloodOfItIsBoundedAndDoesNotStopTheRun) {
+  const Workplace work;
+  const auto run = work.run({"--quiet"}, {"FAKE_beta=flood"});
+  EXPECT_EQ(run.exit, 0) << run.errors.substr(0, 500);
+}
+
+TEST(StageOutput, AProcessThatAStageLeftBehindIsNotWaitedFor) {
+  const Workplace work;
+  const auto begin = std::chrono::steady_clock::now();
+  const auto run = work.run({}, {"FAKE_beta=orphan"});
+  EXPECT_EQ(run.exit, 0) << run.errors;
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(20));
+}
+
+TEST(StageOutput, WhatAStageChangesOutsideItsFolderIsNoticedAndMadeAgain) {
+  const Workplace work;
+  EXPECT_EQ(work.run({}, {"FAKE_gamma=tamper"}).exit, 75);  // gamma reads what it changed
+  work.started();
+  const auto next = work.run();
+  EXPECT_EQ(next.exit, 0) << next.errors;
+  EXPECT_TRUE(contains(next.errors, "alpha: cached alpha.txt is damaged")) << next.errors;
+  EXPECT_FALSE(contains(work.read("out/spec/alpha/alpha.txt"), "tampered"));
+  EXPECT_FALSE(contains(work.read("out/spec/page.html"), "tampered"));
 }
 
 TEST(StageOutput, QuietShowsWarningsOnly) {

@@ -1,6 +1,7 @@
 // Stages that do next to nothing, so that what the engine does around them can be tested in
 // milliseconds. One program: its name says which stage it is (viscera-alpha, viscera-beta, ...).
 // FAKE_LOG names a file to which every start is appended; FAKE_<stage> makes that stage misbehave.
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -11,7 +12,9 @@
 #include <thread>
 
 #include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/input_digest.hpp"
 #include "pipeline/contract/log.hpp"
 #include "stages/common/stage_main.hpp"
 
@@ -67,6 +70,11 @@ StageInfo declare(const std::string& name) {
                            .choices = {"no", "keep", "lose"},
                            .doc = "end with 7, with or without output"});
   }
+  if (name.size() == 2 && name[0] == 's') {  // s1 reads volume, s2 what s1 wrote, …
+    const int number = name[1] - '0';
+    feed(number == 1 ? "volume" : fmt::format("r{}", number - 1).c_str(),
+         fmt::format("r{}", number).c_str());
+  }
   if (name == "gamma") {
     info.inputs = {{.role = "a", .required = false, .doc = "text"},
                    {.role = "b", .required = false, .doc = "text", .manifest = true}};
@@ -76,7 +84,48 @@ StageInfo declare(const std::string& name) {
   return info;
 }
 
-void misbehave(const std::string& how, const StageRun& run) {
+// Says that all went well, with a manifest of its own making, and ends.
+[[noreturn]] void lie(const StageInfo& info, const StageRun& run, const std::string& how) {
+  const std::filesystem::path out = run.out("").parent_path().parent_path();
+  Manifest manifest{.stage = info.name, .version = info.version, .params = run.params()};
+  for (const auto& input : info.inputs) {
+    if (run.has_input(input.role))
+      manifest.inputs.emplace(input.role, input_digest(run.input(input.role)));
+  }
+  const std::string name = info.name + ".txt", text = "lies\n";
+  if (how == "lie_link") {
+    std::filesystem::create_symlink(run.input(info.inputs[0].role), out / name);
+  } else {
+    std::ofstream(out / name) << text;
+  }
+  manifest.outputs = {{name, sha256(text), text.size()}};
+  if (how == "lie_outside") manifest.outputs[0].path = "../../../volume.txt";
+  if (how == "lie_digest") manifest.outputs[0].sha256 = sha256("truth");
+  if (how == "lie_size") manifest.outputs[0].bytes = 1;
+  if (how == "lie_missing") manifest.outputs[0].path = "never.txt";
+  if (how == "lie_name") manifest.stage = "alpha";
+  if (how == "lie_exit") manifest.exit = ExitCode::gate_failed;
+  if (how == "lie_inputs") manifest.inputs.clear();
+  write_atomically(out / "manifest.json",
+                   how == "lie_garbage" ? "\x7f{[ no json" : to_json(manifest).dump());
+  _exit(0);
+}
+
+// Leaves a process behind that keeps the pipes to the engine open.
+void leave_behind() {
+  if (fork() != 0) return;
+  std::this_thread::sleep_for(std::chrono::seconds(30));
+  _exit(0);
+}
+
+void misbehave(const StageInfo& info, const std::string& how, const StageRun& run) {
+  if (how.starts_with("lie_")) lie(info, run, how);
+  if (how == "orphan") leave_behind();
+  if (how == "flood") {
+    for (int line = 0; line < 300; ++line) std::cerr << std::string(100000, '\xff') << "\n";
+    std::cout << std::string(20'000'000, 'x');
+  }
+  if (how == "tamper") std::ofstream("out/spec/alpha/alpha.txt", std::ios::app) << "tampered\n";
   if (how == "fail") throw Error(ExitCode::bad_input, {.where = "volume.txt", .found = "too odd"});
   if (how == "crash") std::raise(SIGABRT);
   if (how == "killed") std::raise(SIGKILL);
@@ -94,11 +143,11 @@ void misbehave(const std::string& how, const StageRun& run) {
 }
 
 void work(const std::string& name, StageRun& run) {
-  misbehave(environment("FAKE_" + name), run);
+  misbehave(declare(name), environment("FAKE_" + name), run);
   log::progress("working", 0.5);
   std::string text = run.param<std::string>("text") + "\n";
-  for (const char* role : {"volume", "a", "b", "b", "c", "d"}) {
-    if (run.has_input(role)) text += read_file(run.input(role));
+  for (const auto& input : declare(name).inputs) {
+    if (run.has_input(input.role)) text += read_file(run.input(input.role));
   }
   if (name == "gamma") {
     std::ofstream(run.out("page.html")) << text;
@@ -116,7 +165,7 @@ void work(const std::string& name, StageRun& run) {
     if (diverge != "no") run.set_diverged("speed passed all bounds in frame 3");
     if (diverge == "lose") return;
   }
-  std::ofstream(run.out(name + ".txt")) << text;
+  write_atomically(run.out(name + ".txt"), text);
   log::warn("{} is only a fake", name);
 }
 

@@ -47,6 +47,8 @@ Workplace::Workplace() : folder_(fs::temp_directory_path()) {
        {"alpha", "beta", "gamma", "delta", "echo", "refit", "loop_one", "loop_two"}) {
     link_or_copy(built / "fake_stage", path(std::string("bin/viscera-") + stage));
   }
+  for (int s = 1; s <= 6; ++s)
+    link_or_copy(built / "fake_stage", path(fmt::format("bin/viscera-s{}", s)));
   write("volume.txt", "voxels\n");
   write("spec.yaml", R"(viscera: 1
 vars:
@@ -100,8 +102,8 @@ CommandResult Workplace::finish(pid_t process) const {
   result.exit = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   const fs::path out = path(fmt::format(".{}.out", process));
   const fs::path errors = path(fmt::format(".{}.err", process));
-  result.out = read_file(out);
-  result.errors = read_file(errors);
+  if (fs::exists(out)) result.out = read_file(out);  // a process may be killed before it made them
+  if (fs::exists(errors)) result.errors = read_file(errors);
   fs::remove(out);
   fs::remove(errors);
   return result;

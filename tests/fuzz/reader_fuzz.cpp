@@ -15,13 +15,19 @@ namespace {
 
 using namespace viscera;
 
-void read(const std::filesystem::path& path) {
+// As labels.
+void read_labels(const std::filesystem::path& path) {
   if (path.extension() != ".dcm") {
     read_volume(path);
     return;
   }
   DicomFile file = read_dicom(path);
   stack_planes(std::move(file.planes), !file.segments.empty());
+}
+
+// As a CT.
+void read_values(const std::filesystem::path& path) {
+  path.extension() == ".dcm" ? void(read_dicom_values(path)) : void(read_scalar_image(path));
 }
 
 }  // namespace
@@ -31,9 +37,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   static const std::filesystem::path path = folder.path() / FUZZ_FILE;
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(bytes), static_cast<std::streamsize>(size));
-  try {
-    read(path);
-  } catch (const Error&) {  // refused, as it should be
+  for (const auto& read : {read_labels, read_values}) {
+    try {
+      read(path);
+    } catch (const Error&) {  // refused, as it should be
+    }
   }
   return 0;
 }

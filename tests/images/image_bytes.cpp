@@ -135,6 +135,20 @@ DicomSet dicom_plane(int k) {
           {0x7FE00010, {"OW", pixels}}};
 }
 
+DicomSet dicom_ct_plane(int k, int hu) {
+  DicomSet set = dicom_plane(k);
+  std::string pixels;
+  for (int p = 0; p < dicom_columns * dicom_rows; ++p)
+    pixels += raw(static_cast<std::uint16_t>(((hu + 1000) / 2 & 0xfff) | 0x5000));
+  set[0x00280100] = number_element(16);
+  set[0x00280101] = number_element(12);  // what stands in the upper four bits is no part of it
+  set[0x00280102] = number_element(11);
+  set[0x00281052] = text_element("DS", "-1000");
+  set[0x00281053] = text_element("DS", "2");
+  set[0x7FE00010] = {"OW", pixels};
+  return set;
+}
+
 DicomSet dicom_segmentation() {
   const auto segment = [](std::uint16_t number, const char* name) {
     return DicomSet{{0x00620004, number_element(number)}, {0x00620005, text_element("LO", name)}};

@@ -46,6 +46,10 @@ DicomElement sequence_element(const std::vector<DicomSet>& items);
 DicomSet dicom_plane(int k);
 inline constexpr int dicom_columns = 6, dicom_rows = 5;
 
+// The same place as plane k of a CT: 16 bits, `hu` everywhere, stored with slope 2 and intercept
+// -1000.
+DicomSet dicom_ct_plane(int k, int hu);
+
 // A segmentation object of 8 x 4 pixels with the segments liver (planes 0 to 2) and tumour (plane 1
 // alone), of 1.5 x 1.25 x 2 mm; liver covers columns 1 to 6 and rows 1 to 2, tumour the columns
 // 2, 3.

@@ -291,6 +291,34 @@ void add_dicom_series(Corpus& corpus) {
   corpus.list.push_back({"dicom_with_text", "notes.txt"});
 }
 
+// Compressed pixels whose pieces are no such thing.
+void add_fragments(Corpus& corpus) {
+  const auto item = [](const std::string& value) {
+    const auto size = static_cast<std::uint32_t>(value.size());
+    std::string head("\xfe\xff\x00\xe0\0\0\0\0", 8);
+    std::memcpy(&head[4], &size, sizeof size);
+    return head + value;
+  };
+  const std::string end("\xfe\xff\xdd\xe0\0\0\0\0", 8);
+  const std::map<std::string, std::string> contents{
+      {"garbage", item("") + item(std::string(64, '\x5a')) + end},
+      {"no_piece", item("") + end},
+      {"endless", item("") + item(std::string(64, '\0'))},
+      {"huge_piece", std::string("\xfe\xff\x00\xe0\xf0\xff\xff\x7f", 8)}};
+  DicomSet plain = dicom_plane(0);
+  plain.erase(0x7FE00010);
+  for (const char* syntax :
+       {"1.2.840.10008.1.2.4.70", "1.2.840.10008.1.2.4.80", "1.2.840.10008.1.2.5"}) {
+    for (const auto& [name, pieces] : contents) {
+      const std::string folder = fmt::format("dicom_{}_{}", name, std::string(syntax).substr(18));
+      corpus.companion(folder + "/0.dcm",
+                       dicom_file(plain, syntax) +
+                           std::string("\xe0\x7f\x10\0OB\0\0\xff\xff\xff\xff", 12) + pieces);
+      corpus.list.push_back({folder, name == "huge_piece" ? "(fffe,e000)" : "PixelData"});
+    }
+  }
+}
+
 void add_dicom_files(Corpus& corpus) {
   const std::string plane = dicom_file(dicom_plane(0));
   const auto folder = [&](const std::string& name, const std::string& says,
@@ -301,7 +329,10 @@ void add_dicom_files(Corpus& corpus) {
   folder("cut_pixels", "0.dcm", plane.substr(0, plane.size() - 10));
   folder("cut_header", "0.dcm", plane.substr(0, 200));
   folder("deflated", "TransferSyntaxUID", dicom_file(dicom_plane(0), "1.2.840.10008.1.2.1.99"));
-  folder("jpeg", "TransferSyntaxUID", dicom_file(dicom_plane(0), "1.2.840.10008.1.2.4.70"));
+  folder("jpeg2000", "TransferSyntaxUID", dicom_file(dicom_plane(0), "1.2.840.10008.1.2.4.90"));
+  folder("lossy", "TransferSyntaxUID", dicom_file(dicom_plane(0), "1.2.840.10008.1.2.4.50"));
+  folder("jpeg_of_plain", "PixelData", dicom_file(dicom_plane(0), "1.2.840.10008.1.2.4.70"));
+  add_fragments(corpus);
   std::string lying = plane;
   const std::size_t length = plane.size() - dicom_columns * dicom_rows - 4;
   lying.replace(length, 4, "\xf0\xff\xff\xff");

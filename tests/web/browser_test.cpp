@@ -10,6 +10,8 @@
 #include <regex>
 
 #include "pipeline/contract/atomic_file.hpp"
+#include "stages/common/image_io.hpp"
+#include "tests/geometry/shapes.hpp"
 #include "tests/web/sample_run.hpp"
 
 namespace viscera {
@@ -23,7 +25,7 @@ struct Rectangle {
   int left, top, w, h;
 };
 
-class Web : public testing::Test {
+class Web : public ::testing::Test {
  protected:
   void SetUp() override {
     if (!Browser::available()) GTEST_SKIP() << "no chromium in PATH";
@@ -139,6 +141,42 @@ TEST_F(Web, LabelsAndMeshAloneMakeAReportWithoutTheView) {
   EXPECT_EQ(status(document, "data-state"), "ready");
   EXPECT_NE(document.find("All 2 quality gates passed"), std::string::npos);
   EXPECT_NE(document.find("1705"), std::string::npos) << "the labels' volume";
+  EXPECT_EQ(browser_.console(), "");
+}
+
+TEST_F(Web, LostPartsAreRingedAndListedWithPlaceAndThickness) {
+  make_whole_report();
+  const std::string document = browser_.document(address("t=0"), width, height);
+  for (const char* text : {"Parts that were lost", ">4.25</td>", ">1.75</td>", "60.0, -20.0, 30.0"})
+    EXPECT_NE(document.find(text), std::string::npos) << text;
+  const Rectangle r = canvas(document);
+  const Picture picture = browser_.screenshot(address("t=0&theme=light"), width, height);
+  int red = 0;  // the ring's colour, which no label has
+  for (int y = r.top; y < r.top + r.h; ++y) {
+    for (int x = r.left; x < r.left + r.w; ++x) {
+      const std::uint8_t* p = &picture.rgb[3u * (static_cast<std::size_t>(y) * width + x)];
+      red += p[0] > 140 && p[1] < 60 && p[2] < 60;
+    }
+  }
+  EXPECT_GT(red, 40);
+  EXPECT_LT(red, 400);
+  EXPECT_EQ(browser_.console(), "");
+}
+
+TEST_F(Web, TheCtIsShownWithTheLabelsOnIt) {
+  const LabelImage labels = testing::nested_balls();
+  ScalarImage ct{.frame = labels.frame};
+  for (const int id : labels.voxels) ct.values.push_back(id == 0 ? -100.0f : 30.0f * float(id));
+  write_nrrd(folder_.path() / "labels.nrrd", labels);
+  write_nrrd(folder_.path() / "ct.nrrd", ct);
+  make_report({}, {"labels=../labels.nrrd", "image=../ct.nrrd"});
+  const std::string document = browser_.document(address("theme=light"), width, height);
+  EXPECT_EQ(status(document, "data-state"), "ready");
+  for (const char* plane : {"CT, axial at ", "CT, coronal at ", "CT, sagittal at "})
+    EXPECT_NE(document.find(plane), std::string::npos) << plane;
+  EXPECT_NE(document.find("outlines of 2 labels"), std::string::npos);
+  const Picture picture = browser_.screenshot(address("theme=light"), width, height);
+  EXPECT_GT(orange_part(picture, {0, 0, width, height}), 0.0002) << "no outline of the inner label";
   EXPECT_EQ(browser_.console(), "");
 }
 

@@ -1,19 +1,19 @@
-// Unpacks the geometry that stands in the page as deflated base64; the layout is documented at
-// ViewerData in viewer_data.hpp.
+// Unpacks what stands in the page as deflated base64, and the geometry of the 3D view, whose layout
+// is documented at ViewerData in viewer_data.hpp.
 "use strict";
 
-async function inflated(base64) {
+viscera.inflated = async function (base64) {
   const text = atob(base64);
   const bytes = new Uint8Array(text.length);
   for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
-}
+};
 
 // { triangles: Uint32Array, rest: Uint16Array, frames: [Uint16Array], ratios: [Uint8Array] };
 // coordinates lie axis after axis: x of all vertices, then y, then z.
 viscera.unpack = async function (base64, meta) {
-  const bytes = await inflated(base64);
+  const bytes = await viscera.inflated(base64);
   const n = meta.vertices, frames = meta.times_s.length;
   const corners = 3 * meta.groups.reduce((sum, group) => sum + group.triangles, 0);
   const triangles = new Uint32Array(bytes.slice(0, 4 * corners).buffer);

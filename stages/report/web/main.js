@@ -182,6 +182,12 @@
     const ground = ((report.scene || {}).effects || {}).ground;
     if (ground && ground.normal) viewer.addGround(ground.normal, 1000 * ground.clearance);
     viscera.labelTable("labels", report, viewer.colours, viewer.setVisible);
+    const {parts} = viscera.lostParts(report);
+    if (parts.length) {
+      byId("lost-choice").hidden = false;
+      viewer.addMarks(parts.map(part => part.at));
+      byId("lost-rings").addEventListener("change", e => viewer.setMarks(e.target.checked));
+    }
     connectView();
     applyAddress();
     const shown = times.length === meta.frames_total ? `All ${times.length} frames`
@@ -192,6 +198,16 @@
       `${viscera.number(meta.points)} points are on a surface and shown, each within ${error} of ` +
       "the stored position. Parallel projection: the scale bar holds everywhere. L left, " +
       "P posterior, S superior." + (ground ? ` The grid is the ground, in squares of ${cell}.` : "");
+  }
+
+  // In the colours of the 3D view, where there is one.
+  async function startSlices() {
+    byId("slices-view").hidden = false;
+    const {ids} = report.slices;  // the largest first
+    const own = viscera.labelColours(ids.map((id, i) => ({id, rest_ml: -i})));
+    const colours = new Map([...own, ...(viewer ? viewer.colours : [])]);
+    viscera.slicesLegend(report, colours);
+    await viscera.showSlices(byId("slices").textContent, report.slices, colours);
   }
 
   function hasTimeCourse() {
@@ -234,6 +250,8 @@
       byId("volumes").hidden = false;
       viscera.labelTable("volumes-table", report);
     }
+    if (report.slices) await startSlices();
+    viscera.lostTable(report, viewer ? i => viewer.pointOut(i) : null);
     viscera.gates(report);
     viscera.scene(report);
     viscera.qualityTables(report);

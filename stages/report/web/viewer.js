@@ -233,6 +233,7 @@ viscera.createViewer = function (canvas, meta, data) {
   }
   function redraw() {
     updatePositions();
+    if (marks) marks.move();
     updateColours();
     request();
   }
@@ -272,6 +273,7 @@ viscera.createViewer = function (canvas, meta, data) {
     const style = getComputedStyle(document.documentElement);
     renderer.setClearColor(style.getPropertyValue("--view-bg").trim());
     lineMaterial.color.set(style.getPropertyValue("--ink").trim());
+    if (marks) marks.colour(style.getPropertyValue("--fail").trim());
     if (ground) ground.material.color.set(style.getPropertyValue("--muted").trim());
     request();
   }
@@ -296,17 +298,35 @@ viscera.createViewer = function (canvas, meta, data) {
     theme();
   }
 
+  // Rings around places of the scan (LPS mm); each moves with the vertex that was nearest to it.
+  let marks = null;
+  function addMarks(places) {
+    const away = (at, i) => at.reduce((sum, x, axis) =>
+      sum + (place(data.rest, axis, i) - x) ** 2, 0);
+    const nearest = places.map(at => {
+      let best = 0;
+      for (let i = 1; i < n; ++i) if (away(at, i) < away(at, best)) best = i;
+      return best;
+    });
+    const moved = m => places[m].map((x, axis) =>
+      x + place(stored(), axis, nearest[m]) - place(data.rest, axis, nearest[m]));
+    marks = viscera.createMarks(scene, renderer.getPixelRatio(), places.length, moved);
+    theme();
+  }
+
   theme();
   resize();
   look("oblique");
   redraw();
   restyle();
   return {
-    addGround, colours, gridCell, look, theme, range: rangeOf,
+    addGround, addMarks, colours, gridCell, look, theme, range: rangeOf,
     onDrawn: callback => drawn.push(callback),
     setFrame(frame) { state.frame = frame; redraw(); },
     setColour(mode) { state.colour = mode; restyle(); },
     setTranslucent(on) { state.translucent = on; restyle(); },
+    setMarks(on) { marks.show(on); request(); },
+    pointOut(m) { marks.pointOut(m); request(); },
     setEdges(on) { state.edges = on; restyle(); },
     setVisible(label, on) { state.hidden[on ? "delete" : "add"](label); restyle(); },
     millimetresPerPixel: () => (camera.top - camera.bottom) / camera.zoom / canvas.clientHeight,
