@@ -19,6 +19,9 @@ void declare_run(CLI::App& app, RunOptions& options) {
       ->allow_extra_args(false);
   run->add_option("--until", options.until, "only this stage and those that it needs");
   run->add_option("--from", options.from, "run this stage and those that need it even when cached");
+  run->add_option("--case", options.only_cases,
+                  "only this case, repeatable; what gathers all cases does not run then")
+      ->allow_extra_args(false);
   run->add_flag("--dry-run", options.dry_run, "say what would run and why; write nothing");
   run->add_option("--out", options.out, "the run SPEC.yaml writes OUT/SPEC")->default_val("out");
   run->add_option("--cache", options.cache, "folder of the cache [OUT/.cache]")
