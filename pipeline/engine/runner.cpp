@@ -340,14 +340,16 @@ class Runner {
   }
 
   std::string unknown_producers(std::size_t i) const {
+    constexpr std::size_t named = 3;
     std::string names;
+    std::size_t count = 0;
     for (const auto& input : plan_[i].inputs) {
       for (const std::size_t producer : input.producers) {
-        if (entries_[producer]) continue;
+        if (entries_[producer] || ++count > named) continue;
         names += (names.empty() ? "" : ", ") + plan_[producer].label();
       }
     }
-    return names;
+    return count > named ? fmt::format("{} and {} more", names, count - named) : names;
   }
 
   const RunOptions& options_;

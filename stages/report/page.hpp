@@ -4,10 +4,20 @@
 #pragma once
 
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "pipeline/contract/param.hpp"
 
 namespace viscera {
+
+// A page of one's own: every {{title}}, {{style}}, {{scripts}} and {{report}} of the skeleton
+// filled.
+std::string filled_page(std::string_view skeleton, const std::vector<std::string_view>& scripts,
+                        const std::string& title, const Json& report,
+                        const std::string& packed_geometry = {});
+
+std::string base64(std::string_view bytes);
 
 // `packed_geometry` (ViewerData::packed) may be empty: the page then has no 3D view.
 std::string report_page(const std::string& title, const Json& report,

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <fstream>
 #include <limits>
 
 #include "stages/simulate/body.hpp"
@@ -29,24 +30,35 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
 }
 
+std::string cpu_model() {
+  std::ifstream file("/proc/cpuinfo");
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
+  }
+  return "unknown";
+}
+
 // Wall times; the task is the source paper's: from first contact until the body is at rest.
 void report_cost(StageRun& run, const Outcome& outcome) {
   std::vector<double> step_ms;
-  double task_ms = 0.0;
+  double task_ms = 0.0, all_ms = 0.0;
   std::size_t task_frames = 0;
   for (const auto& frame : outcome.frames) {
     if (frame.index == 0) continue;
     step_ms.push_back(frame.step_ms);
+    all_ms += frame.step_ms;
     const bool in_task = outcome.contact_time_s >= 0.0 && frame.time_s >= outcome.contact_time_s &&
                          frame.time_s <= outcome.rest_time_s;
     if (!in_task) continue;
     task_ms += frame.step_ms;
     ++task_frames;
   }
+  run.machine_metric("cpu_model", cpu_model());
   run.machine_metric("frame_ms_median", quantile(step_ms, 0.5), "ms");
   run.machine_metric("frame_ms_q1", quantile(step_ms, 0.25), "ms");
   run.machine_metric("frame_ms_q3", quantile(step_ms, 0.75), "ms");
   run.machine_metric("frame_ms_p99", quantile(step_ms, 0.99), "ms");
+  run.machine_metric("steps_wall", 1e-3 * all_ms, "s");
   if (task_frames > 0) run.machine_metric("task_wall", 1e-3 * task_ms, "s");
   for (const auto& [part, seconds] : outcome.seconds) {
     run.machine_metric("seconds_" + part, seconds, "s");

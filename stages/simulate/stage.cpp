@@ -15,6 +15,7 @@
 #include "sim/start.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
+#include "stages/simulate/accuracy.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/frame_loop.hpp"
@@ -200,6 +201,7 @@ void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& 
 }
 
 void simulate(StageRun& run) {
+  take_accuracy(run);
   SceneFile file = scene_of(run);
   const TetMesh mesh = read_vtu(run.input("mesh"));
   sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
@@ -251,6 +253,9 @@ std::vector<Param> params() {
                  .lo = 1.0,
                  .hi = 1e6,
                  .doc = "in place of the scene's time.substeps"});
+  all.push_back(quantity("accuracy", nullptr, "mm", 1e-9, 1e6,
+                         "the solver's params are those of the cheapest setting that the study "
+                         "shows to be no farther off, on this mesh; refused when there is none"));
   all.push_back({.name = "change",
                  .type = ParamType::map,
                  .fallback = Json::object(),
@@ -280,6 +285,9 @@ const Stage& simulate_stage() {
                        .required = false,
                        .doc = "volume of measured Young's modulus, kPa (elastography): in place of "
                               "the labels' E; 0 or NaN: not measured"},
+                      {.role = "study",
+                       .required = false,
+                       .doc = "study.json of viscera-compare, for the param accuracy"},
                       {.role = "checkpoint",
                        .required = false,
                        .doc = "checkpoint.h5 of a run of this mesh and scene, to go on from"}},

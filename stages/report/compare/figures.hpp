@@ -1,0 +1,28 @@
+// The source paper's figures, of runs of ours. Each returns where its pictures stand, for captions.
+#pragma once
+
+#include "stages/report/compare/raster.hpp"
+#include "stages/report/compare/runs.hpp"
+
+namespace viscera {
+
+using RunList = std::vector<const ComparedRun*>;
+
+// By solver: pbd yellow, xpbd red, fem blue, tled green.
+Colour colour_of(const ComparedRun& run);
+
+struct Figure {
+  Image image;
+  Json caption;  // what stands where
+};
+
+// Figure 2: a row for each run, columns at equal times from before first contact to rest.
+Figure grid_figure(const RunList& rows, int columns);
+
+// Figure 3: each run in its colour, side by side, at its own greatest deformation.
+Figure side_by_side_figure(const RunList& runs);
+
+// Figure 4: `outlined` over each of the others, all at the time of its greatest deformation.
+Figure overlay_figure(const ComparedRun& outlined, const RunList& others);
+
+}  // namespace viscera

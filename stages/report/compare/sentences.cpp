@@ -1,0 +1,107 @@
+#include "stages/report/compare/sentences.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <limits>
+#include <map>
+
+namespace viscera {
+namespace {
+
+// What has this error at most, without having failed.
+std::vector<const Json*> reaching(const Json& points, const char* error, double wanted,
+                                  const std::string& mesh) {
+  std::vector<const Json*> all;
+  for (const auto& p : points) {
+    if (p["failed"] != "" || !p[error].is_number() || p[error].get<double>() > wanted) continue;
+    if (mesh.empty() || p["mesh_sha256"] == mesh) all.push_back(&p);
+  }
+  std::ranges::sort(all, {}, [](const Json* p) { return (*p)["ms"][1].get<double>(); });
+  return all;
+}
+
+std::string ms(const Json& point) {
+  const double value = point["ms"][1];
+  return value < 100.0 ? fmt::format("{:.3g} ms", value) : fmt::format("{:.0f} ms", value);
+}
+
+// What a point is called where all are on one mesh, and where they are not.
+std::string name_of(const Json& point, const std::string& mesh) {
+  const std::string label = point["label"];
+  return mesh.empty() ? fmt::format("{}, {} tets", label, point["tets"].get<int>()) : label;
+}
+
+std::string in_words(const Json& scene, const char* error, double wanted, const std::string& mesh) {
+  const auto all = reaching(scene["points"], error, wanted, mesh);
+  const Json& best = *all.front();
+  std::string text = fmt::format("{:g} mm costs {} ({})", wanted, ms(best), name_of(best, mesh));
+  std::map<std::string, bool> told = {{best["solver"], true}};
+  for (const Json* other : all) {
+    const std::string solver = (*other)["solver"];
+    if (told[solver]) continue;
+    told[solver] = true;
+    const bool apart = (*other)["ms"][0].get<double>() > best["ms"][2].get<double>();
+    text += apart ? fmt::format(", {} needs {}", solver, ms(*other))
+                  : fmt::format(", which {} ({}) is not to be told apart from",
+                                name_of(*other, mesh), ms(*other));
+  }
+  for (const auto& p : scene["points"]) {
+    const std::string solver = p["solver"];
+    if (told[solver] || (!mesh.empty() && p["mesh_sha256"] != mesh)) continue;
+    told[solver] = true;
+    text += fmt::format(", {} does not reach it", solver);
+  }
+  return text;
+}
+
+// Where the goals end: what comes nearest.
+std::string not_reached(const Json& scene, const char* error, double wanted,
+                        const std::string& mesh) {
+  const auto all = reaching(scene["points"], error, std::numeric_limits<double>::infinity(), mesh);
+  std::string text = fmt::format("{:g} mm is not reached", wanted);
+  if (all.empty()) return text;
+  const Json& nearest = **std::ranges::min_element(
+      all, {}, [error](const Json* p) { return (*p)[error].get<double>(); });
+  return text + fmt::format(": {:.2g} mm is the least ({}, {})", nearest[error].get<double>(),
+                            ms(nearest), name_of(nearest, mesh));
+}
+
+std::string sentence(const Json& scene, const std::string& begin, const char* error,
+                     const std::vector<double>& wanted, const std::string& mesh) {
+  std::vector<std::string> parts;
+  for (const double w : wanted) {  // largest first
+    if (reaching(scene["points"], error, w, mesh).empty()) {
+      parts.push_back(not_reached(scene, error, w, mesh));
+      break;
+    }
+    parts.push_back(in_words(scene, error, w, mesh));
+  }
+  return fmt::format("{}: {}.", begin, fmt::join(parts, "; "));
+}
+
+}  // namespace
+
+Json sentences_of(const Json& scene, const std::vector<double>& wanted_mm) {
+  std::map<std::string, int> settings;
+  for (const auto& p : scene["points"]) ++settings[p["mesh_sha256"]];
+  if (settings.empty()) return Json::array();
+  const auto most = std::ranges::max_element(settings, {}, [](const auto& m) { return m.second; });
+  int tets = 0;
+  for (const auto& p : scene["points"]) {
+    if (p["mesh_sha256"] == most->first) tets = p["tets"];
+  }
+  const std::string name = scene["name"], cost = scene["cost"];
+  Json all = Json::array();
+  all.push_back(
+      sentence(scene, fmt::format("{}, solver alone on the mesh of {} tets, {}", name, tets, cost),
+               "solver_mm", wanted_mm, most->first));
+  if (scene["meshes"].size() > 1) {
+    all.push_back(sentence(scene, fmt::format("{}, mesh and solver together, {}", name, cost),
+                           "total_mm", wanted_mm, ""));
+  }
+  return all;
+}
+
+}  // namespace viscera
