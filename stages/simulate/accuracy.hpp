@@ -5,8 +5,8 @@
 
 namespace viscera {
 
-// With the param `accuracy` (mm): replaces the solver's params of `run` by those of the cheapest point
-// of the study (study.json of viscera-compare) whose error, mesh and solver together and the
+// With the param `accuracy` (mm): replaces the solver's params of `run` by those of the cheapest
+// point of the study (study.json of viscera-compare) whose error, mesh and solver together and the
 // reference's own doubt added, is no larger. Throws Error(usage) without a study, Error(bad_config)
 // when the study does not hold this scene and mesh or none of its points gets there; the message
 // names what comes nearest.

@@ -5,6 +5,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
+#include "stages/report/compare/ensemble.hpp"
 #include "stages/report/compare/figures.hpp"
 #include "stages/report/compare/study.hpp"
 #include "stages/report/page.hpp"
@@ -32,13 +33,16 @@ StageInfo compare_info() {
                   {"study.json", "study", "all figures, for programs and --set accuracy"},
                   {"stiffness.png", "", "grid of runs by time (param grid)"},
                   {"methods.png", "", "methods side by side at their greatest deformation"},
-                  {"overlay.png", "", "the second method over the others, outlined"}};
+                  {"overlay.png", "", "the second method over the others, outlined"},
+                  {"ensemble.png", "", "mean shape of the ensemble, coloured by its spread"}};
   info.params = {
       {.name = "title", .fallback = "Comparison of runs", .doc = "heading of the page"},
       list("cases", Json::array(), "names of the runs, in the order given"),
       list("grid", Json::array(), "runs that make the rows of stiffness.png"),
       list("methods", Json::array(), "runs to overlay; the second is the outlined"),
       list("table", Json::array(), "runs whose time and smoothness are tabulated [methods]"),
+      list("ensemble", Json::array(),
+           "runs of one mesh whose spread at the end is shown; [all]: every run"),
       list("references", Json::array(), "maps of simulate's params that make a run a reference"),
       list("wanted", Json::array({1.0, 0.5, 0.1}), "errors that the sentences speak of, mm"),
       {.name = "max_frames",
@@ -56,6 +60,10 @@ StageInfo compare_info() {
 
 RunList runs_of(const StageRun& run, const std::vector<ComparedRun>& runs, const char* param) {
   RunList chosen;
+  if (run.params().at(param) == Json{"all"}) {
+    for (const auto& one : runs) chosen.push_back(&one);
+    return chosen;
+  }
   for (const auto& name : run.params().at(param)) {
     chosen.push_back(&run_called(runs, name.get<std::string>(), param));
   }
@@ -127,7 +135,7 @@ Json views(const RunList& methods, std::size_t max_frames) {
 }
 
 void check(const StageRun& run) {
-  for (const char* name : {"grid", "methods", "table", "cases"}) {
+  for (const char* name : {"grid", "methods", "table", "ensemble", "cases"}) {
     for (const auto& item : run.params().at(name)) {
       if (item.is_string()) continue;
       throw Error(
@@ -170,9 +178,21 @@ void compare(StageRun& run) {
   for (const auto& scene : report["study"]["scenes"]) {
     for (const auto& sentence : scene["sentences"]) log::info("{}", sentence.get<std::string>());
   }
-  write_atomically(run.out("study.json"), report.dump(1) + "\n");
   report["figures"] = figures(run, grid, methods);
+  report["ensemble"] = nullptr;
+  if (const RunList members = runs_of(run, runs, "ensemble"); !members.empty()) {
+    const Ensemble ensemble = ensemble_of(members);
+    report["ensemble"] = ensemble.json;
+    report["figures"].push_back(
+        figure_json(run, "ensemble.png", "ensemble", ensemble_figure(*members.front(), ensemble)));
+    for (const auto& label : ensemble.json["labels"]) {
+      run.metric("radius_" + label["name"].get<std::string>(), label["radius_mm"], "mm");
+    }
+  }
   report["views"] = views(methods, run.param<std::size_t>("max_frames"));
+  Json programs = report;  // without pictures and geometry
+  for (const char* shown : {"figures", "views"}) programs.erase(shown);
+  write_atomically(run.out("study.json"), programs.dump(1) + "\n");
   const std::string page = filled_page(web::compare_skeleton(), web::compare_scripts(),
                                        run.param<std::string>("title"), report);
   write_atomically(run.out("compare.html"), page);

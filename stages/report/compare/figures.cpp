@@ -172,4 +172,18 @@ Figure overlay_figure(const ComparedRun& outlined, const RunList& others) {
   return figure;
 }
 
+Figure shape_figure(const ComparedRun& run, const std::vector<float>& xyz,
+                    const std::vector<Colour>& colours) {
+  Figure figure{blank(2 * tile_width, tile_height, {1, 1, 1}), Json::array()};
+  const Triangles faces = outer_faces(run.trajectory->mesh());
+  for (const double side : {1.0, -1.0}) {
+    Camera camera = camera_for(run);
+    for (int k = 0; k < 2; ++k) camera.view[k] *= side;
+    Canvas canvas(tile_width, tile_height, camera);
+    canvas.draw({xyz, faces, {}, colours});
+    figure.image.paste(canvas.image(), side > 0.0 ? 0 : tile_width, 0);
+  }
+  return figure;
+}
+
 }  // namespace viscera

@@ -25,4 +25,8 @@ Figure side_by_side_figure(const RunList& runs);
 // Figure 4: `outlined` over each of the others, all at the time of its greatest deformation.
 Figure overlay_figure(const ComparedRun& outlined, const RunList& others);
 
+// The run's body with its points (mm) in other places and colours, from two sides.
+Figure shape_figure(const ComparedRun& run, const std::vector<float>& xyz,
+                    const std::vector<Colour>& colours);
+
 }  // namespace viscera

@@ -135,7 +135,12 @@ Canvas::Layer Canvas::shaded(const Surface& surface) const {
           n[k] = w0 * normals[t[0]][k] + w1 * normals[t[1]][k] + w2 * normals[t[2]][k];
         }
         const double light = 0.42 + 0.58 * std::max(0.0, dot(unit(n), lamp));
-        for (int k = 0; k < 3; ++k) layer.colour[at][k] = light * surface.colour[k];
+        for (int k = 0; k < 3; ++k) {
+          const auto& c = surface.colours;
+          const double own =
+              c.empty() ? surface.colour[k] : w0 * c[t[0]][k] + w1 * c[t[1]][k] + w2 * c[t[2]][k];
+          layer.colour[at][k] = light * own;
+        }
       }
     }
   }

@@ -29,6 +29,7 @@ struct Surface {
   std::span<const float> xyz;                     // mm, LPS, three a point
   std::span<const std::array<int, 3>> triangles;  // outward
   Colour colour{};
+  std::span<const Colour> colours{};  // one a point; empty: `colour` everywhere
 };
 
 // What a picture shows: seen along `view`, superior up, `half_height` mm above and below `centre`.

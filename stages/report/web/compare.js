@@ -58,7 +58,24 @@
     return run ? `Timed on ${run.cpu_model}, ${run.device}.` : "";
   };
 
+  function showEnsemble() {
+    const e = report.ensemble;
+    if (!e) return;
+    byId("ensemble").hidden = false;
+    const mm = v => quantity(Number(v.toPrecision(3)), "mm");
+    fillTable("ensemble-table", ["Where the centre goes", "Moves by, mean", "Least to most",
+      "Spread left–right, front–back, up–down", "95 % lie within"], e.labels.map(l => ({cells: [l.name,
+        mm(l.moved_mm.mean), `${mm(l.moved_mm.least)} to ${mm(l.moved_mm.most)}`,
+        l.spread_mm.map(mm).join(", "), `${mm(l.radius_mm)} of the mean`]})));
+    byId("ensemble-note").textContent = `${e.runs} runs under the assumptions that the spec lists, each ` +
+      "counted alike: a spread of assumptions, not a probability. Spread: standard deviation. The " +
+      `largest of any point is ${mm(e.largest_spread_mm)}.` +
+      (e.left_out.length ? ` Left out, because they diverged: ${e.left_out.join(", ")}.` : "");
+  }
+
   const figureWords = {
+    ensemble: f => [`The mean shape of ${f.caption.runs} runs from the front and from behind, coloured by ` +
+      `spread: dark 0, yellow ${number(Number(f.caption.largest_spread_mm.toPrecision(3)))} mm.`],
     grid: f => ["Stiffness, softest first, as the organ falls and comes to rest. " + f.caption.map(row =>
       `${row.run}: t ${row.times_s.map(t => number(t)).join(", ")} s`).join("; ") + "."],
     methods: f => ["Each method at its own greatest deformation. From the left: " + f.caption.map(c =>
@@ -231,6 +248,7 @@
     byId("page-libraries").textContent =
       Object.entries(report.libraries).map(([name, version]) => name + " " + version).join(", ");
     showAnswers();
+    showEnsemble();
     showFigures();
     showMethods();
     await showView();
