@@ -89,6 +89,8 @@ Json method_row(const ComparedRun& run) {
         "stability_Cs_max", "min_J"}) {
     row[name] = metric(name);
   }
+  const auto& times = run.trajectory->times_s();
+  row["end_time"] = times.empty() ? 0.0 : times.back();
   row["frames_per_second"] = nullptr;
   if (row["frames"].is_number() && row["steps_wall"].is_number() && row["frames"] > 1) {
     row["frames_per_second"] =
@@ -113,19 +115,18 @@ Json figures(const StageRun& run, const RunList& grid, const RunList& methods) {
     all.push_back(figure_json(run, "methods.png", "methods", side_by_side_figure(methods)));
   }
   if (methods.size() > 1) {
-    RunList others = methods;
-    others.erase(others.begin() + 1);
-    all.push_back(figure_json(run, "overlay.png", "overlay", overlay_figure(*methods[1], others)));
+    all.push_back(figure_json(run, "overlay.png", "overlay", overlay_figure(methods)));
   }
   return all;
 }
 
 Json views(const RunList& methods, std::size_t max_frames) {
   Json all = Json::array();
+  const std::vector<Colour> colours = colours_of(methods);
   for (const auto* run : methods) {
     ViewerData data = viewer_data(*run->trajectory, max_frames, run->name);
     all.push_back({{"name", run->name},
-                   {"colour", colour_of(*run)},
+                   {"colour", colours[all.size()]},
                    {"meta", std::move(data.meta)},
                    {"scene", run->scene},
                    {"series", run->series},

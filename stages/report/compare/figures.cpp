@@ -109,13 +109,20 @@ double time_of(const ComparedRun& run, std::size_t frame) {
 
 }  // namespace
 
-Colour colour_of(const ComparedRun& run) {
-  const std::map<std::string, Colour> colours = {{"pbd", {0.93, 0.76, 0.15}},
-                                                 {"xpbd", {0.80, 0.22, 0.18}},
-                                                 {"fem", {0.18, 0.42, 0.78}},
-                                                 {"tled", {0.15, 0.60, 0.45}}};
-  const auto found = colours.find(run.param("solver"));
-  return found == colours.end() ? Colour{0.5, 0.5, 0.5} : found->second;
+std::vector<Colour> colours_of(const RunList& runs) {
+  std::map<std::string, Colour> by_solver = {{"pbd", {0.93, 0.76, 0.15}},
+                                             {"xpbd", {0.80, 0.22, 0.18}},
+                                             {"fem", {0.18, 0.42, 0.78}},
+                                             {"tled", {0.15, 0.60, 0.45}}};
+  constexpr Colour others[] = {
+      {0.48, 0.36, 0.68}, {0.35, 0.65, 0.85}, {0.55, 0.45, 0.30}, {0.5, 0.5, 0.5}};
+  std::vector<Colour> colours;
+  std::size_t next = 0;
+  for (const auto* run : runs) {
+    const auto own = by_solver.extract(run->param("solver"));
+    colours.push_back(own ? own.mapped() : others[std::min<std::size_t>(next++, 3)]);
+  }
+  return colours;
 }
 
 Figure grid_figure(const RunList& rows, int columns) {
@@ -147,27 +154,31 @@ Figure side_by_side_figure(const RunList& runs) {
   const int count = static_cast<int>(runs.size());
   Figure figure{blank(count * tile_width, tile_height, {1, 1, 1}), Json::array()};
   const Camera camera = camera_for(*runs.front());
+  const std::vector<Colour> colours = colours_of(runs);
   for (int i = 0; i < count; ++i) {
     const std::size_t frame = most_deformed(*runs[i]);
-    figure.image.paste(picture(*runs[i], frame, camera, colour_of(*runs[i])), i * tile_width, 0);
+    figure.image.paste(picture(*runs[i], frame, camera, colours[i]), i * tile_width, 0);
     figure.caption.push_back({{"run", runs[i]->name}, {"time_s", time_of(*runs[i], frame)}});
   }
   return figure;
 }
 
-Figure overlay_figure(const ComparedRun& outlined, const RunList& others) {
-  const int count = static_cast<int>(others.size());
-  Figure figure{blank(std::max(1, count) * tile_width, tile_height, {1, 1, 1}), Json::array()};
+Figure overlay_figure(const RunList& runs) {
+  const ComparedRun& outlined = *runs[1];
+  const int count = static_cast<int>(runs.size()) - 1;
+  Figure figure{blank(count * tile_width, tile_height, {1, 1, 1}), Json::array()};
+  const std::vector<Colour> colours = colours_of(runs);
   const Camera camera = camera_for(outlined);
   const std::size_t frame = most_deformed(outlined);
   const double time = time_of(outlined, frame);
-  for (int i = 0; i < count; ++i) {
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (i == 1) continue;
     Canvas canvas = canvas_for(outlined, camera);
-    canvas.draw(shown(*others[i], frame_at(*others[i], time)).surface(colour_of(*others[i])));
-    canvas.draw_over(shown(outlined, frame).surface(colour_of(outlined)), 0.35, orange);
-    figure.image.paste(canvas.image(), i * tile_width, 0);
+    canvas.draw(shown(*runs[i], frame_at(*runs[i], time)).surface(colours[i]));
+    canvas.draw_over(shown(outlined, frame).surface(colours[1]), 0.35, orange);
+    figure.image.paste(canvas.image(), static_cast<int>(figure.caption.size()) * tile_width, 0);
     figure.caption.push_back(
-        {{"outlined", outlined.name}, {"over", others[i]->name}, {"time_s", time}});
+        {{"outlined", outlined.name}, {"over", runs[i]->name}, {"time_s", time}});
   }
   return figure;
 }

@@ -8,8 +8,9 @@ namespace viscera {
 
 using RunList = std::vector<const ComparedRun*>;
 
-// By solver: pbd yellow, xpbd red, fem blue, tled green.
-Colour colour_of(const ComparedRun& run);
+// One a run. By solver: pbd yellow, xpbd red, fem blue, tled green; runs of a solver that an
+// earlier one has take others.
+std::vector<Colour> colours_of(const RunList& runs);
 
 struct Figure {
   Image image;
@@ -22,8 +23,9 @@ Figure grid_figure(const RunList& rows, int columns);
 // Figure 3: each run in its colour, side by side, at its own greatest deformation.
 Figure side_by_side_figure(const RunList& runs);
 
-// Figure 4: `outlined` over each of the others, all at the time of its greatest deformation.
-Figure overlay_figure(const ComparedRun& outlined, const RunList& others);
+// Figure 4: the second over each of the others, outlined, all at the time of its greatest
+// deformation.
+Figure overlay_figure(const RunList& runs);
 
 // The run's body with its points (mm) in other places and colours, from two sides.
 Figure shape_figure(const ComparedRun& run, const std::vector<float>& xyz,

@@ -76,12 +76,13 @@
   const figureWords = {
     ensemble: f => [`The mean shape of ${f.caption.runs} runs from the front and from behind, coloured by ` +
       `spread: dark 0, yellow ${number(Number(f.caption.largest_spread_mm.toPrecision(3)))} mm.`],
-    grid: f => ["Stiffness, softest first, as the organ falls and comes to rest. " + f.caption.map(row =>
-      `${row.run}: t ${row.times_s.map(t => number(t)).join(", ")} s`).join("; ") + "."],
+    grid: f => ["Rows from the top: " + f.caption.map(row => row.run).join(", ") + ". Columns: t " +
+      f.caption[0].times_s.map(t => number(Number(t.toPrecision(3)))).join(", ") +
+      " s; a run that came to rest before stays as it is."],
     methods: f => ["Each method at its own greatest deformation. From the left: " + f.caption.map(c =>
-      `${c.run} at ${quantity(c.time_s, "s")}`).join(", ") + "."],
+      `${c.run} at ${quantity(Number(c.time_s.toPrecision(3)), "s")}`).join(", ") + "."],
     overlay: f => [f.caption.map(c => `${c.outlined}, outlined in orange, over ${c.over}`).join("; ") +
-      ", at the outlined run's greatest deformation, " + quantity(f.caption[0].time_s, "s") + "."],
+      ", at the outlined run's greatest deformation, " + quantity(Number(f.caption[0].time_s.toPrecision(3)), "s") + "."],
   };
   function showFigures() {
     byId("figures").hidden = !report.figures.length;
@@ -98,7 +99,7 @@
     fillTable("cost-table", ["Method", "Tets", "Steps a frame", "Task, simulated", "Task, wall time",
       "Frames a second", "Frame, median (quartiles)", "Cs"], report.methods.map(m => ({cells: [
         `${m.run} (${m.solver})`, number(m.tets), number(m.substeps),
-        m.rest_time === null ? "did not rest" : quantity(Number((m.rest_time - m.contact_time).toFixed(3)), "s"),
+        m.rest_time === null ? `no rest until ${quantity(Number(m.end_time.toPrecision(3)), "s")}` : quantity(Number((m.rest_time - m.contact_time).toFixed(3)), "s"),
         orNone(m.task_wall, "s"), orNone(m.frames_per_second, "1"),
         `${quantity(m.frame_ms_median, "ms")} (${number(m.frame_ms_q1)} to ${number(m.frame_ms_q3)})`,
         number(m.stability_Cs_max)]})));
@@ -167,7 +168,7 @@
       const box = element("input", {type: "checkbox", checked: ""});
       box.addEventListener("change", () => overlay.setVisible(i, box.checked));
       const swatch = element("span", {class: "swatch"});
-      swatch.style.background = `rgb(${view.colour.map(c => Math.round(255 * c)).join(",")})`;
+      swatch.style.background = viscera.rgb(view.colour);
       byId("method-checks").append(element("label", {}, box, swatch, `${view.name} (${view.solver})`));
     });
     overlay.onDrawn(() => {

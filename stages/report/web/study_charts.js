@@ -9,6 +9,8 @@ viscera.solverColour = function (solver) {
   return (solverColours[solver] || ["#6f7b88", "#95a1af"])[dark ? 1 : 0];
 };
 
+viscera.rgb = colour => `rgb(${colour.map(c => Math.round(255 * c)).join(",")})`;
+
 // One plot a column; `clock` as in charts.js.
 viscera.overlayCharts = function (parent, views, clock) {
   const plots = [["elastic_J", "Elastic energy", "J"], ["max_speed_m_s", "Fastest point", "m/s"],
@@ -18,8 +20,7 @@ viscera.overlayCharts = function (parent, views, clock) {
     const log = column === "max_speed_m_s";
     const datasets = views.filter(v => v.series[column]).map(v => ({
       label: v.name, borderWidth: 1.6, pointRadius: 0,
-      borderColor: () => viscera.solverColour(v.solver),
-      backgroundColor: () => viscera.solverColour(v.solver),
+      borderColor: viscera.rgb(v.colour), backgroundColor: viscera.rgb(v.colour),
       data: v.series[column].map((y, k) => ({x: v.series.time_s[k], y: log && y <= 0 ? null : y})),
     }));
     return new Chart(canvas, {
