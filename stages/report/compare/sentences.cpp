@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <set>
 
 namespace viscera {
 namespace {
@@ -33,26 +34,32 @@ std::string name_of(const Json& point, const std::string& mesh) {
   return mesh.empty() ? fmt::format("{}, {} tets", label, point["tets"].get<int>()) : label;
 }
 
-std::string in_words(const Json& scene, const char* error, double wanted, const std::string& mesh) {
-  const auto all = reaching(scene["points"], error, wanted, mesh);
+// What follows "1 mm costs".
+std::string price(const Json& scene, const std::vector<const Json*>& all, const std::string& mesh) {
   const Json& best = *all.front();
-  std::string text = fmt::format("{:g} mm costs {} ({})", wanted, ms(best), name_of(best, mesh));
-  std::map<std::string, bool> told = {{best["solver"], true}};
+  std::vector<std::string> alike, dearer, without;
+  std::set<std::string> told = {best["solver"]};
   for (const Json* other : all) {
     const std::string solver = (*other)["solver"];
-    if (told[solver]) continue;
-    told[solver] = true;
-    const bool apart = (*other)["ms"][0].get<double>() > best["ms"][2].get<double>();
-    text += apart ? fmt::format(", {} needs {}", solver, ms(*other))
-                  : fmt::format(", which {} ({}) is not to be told apart from",
-                                name_of(*other, mesh), ms(*other));
+    if (!told.insert(solver).second) continue;
+    if ((*other)["ms"][0].get<double>() > best["ms"][2].get<double>()) {
+      dearer.push_back(fmt::format(", {} needs {}", solver, ms(*other)));
+    } else {
+      alike.push_back(fmt::format("{} ({})", name_of(*other, mesh), ms(*other)));
+    }
   }
   for (const auto& p : scene["points"]) {
     const std::string solver = p["solver"];
-    if (told[solver] || (!mesh.empty() && p["mesh_sha256"] != mesh)) continue;
-    told[solver] = true;
-    text += fmt::format(", {} does not reach it", solver);
+    const bool here = mesh.empty() || p["mesh_sha256"] == mesh;
+    if (here && told.insert(solver).second) without.push_back(solver);
   }
+  std::string text = fmt::format("{} ({})", ms(best), name_of(best, mesh));
+  if (!alike.empty()) {
+    text += fmt::format(", not to be told apart from {}", fmt::join(alike, " or "));
+  }
+  text += fmt::format("{}", fmt::join(dearer, ""));
+  if (!without.empty())
+    text += fmt::format(", no run of {} gets there", fmt::join(without, " or "));
   return text;
 }
 
@@ -70,14 +77,27 @@ std::string not_reached(const Json& scene, const char* error, double wanted,
 
 std::string sentence(const Json& scene, const std::string& begin, const char* error,
                      const std::vector<double>& wanted, const std::string& mesh) {
-  std::vector<std::string> parts;
+  std::vector<std::string> parts, goals;
+  std::string same;
+  const auto finish = [&] {
+    if (goals.empty()) return;
+    parts.push_back(fmt::format("{} mm {} {}", fmt::join(goals, ", "),
+                                goals.size() > 1 ? "cost" : "costs", same));
+    goals.clear();
+  };
   for (const double w : wanted) {  // largest first
-    if (reaching(scene["points"], error, w, mesh).empty()) {
+    const auto all = reaching(scene["points"], error, w, mesh);
+    if (all.empty()) {
+      finish();
       parts.push_back(not_reached(scene, error, w, mesh));
       break;
     }
-    parts.push_back(in_words(scene, error, w, mesh));
+    const std::string text = price(scene, all, mesh);
+    if (text != same) finish();
+    same = text;
+    goals.push_back(fmt::format("{:g}", w));
   }
+  finish();
   return fmt::format("{}: {}.", begin, fmt::join(parts, "; "));
 }
 

@@ -84,12 +84,13 @@ double volume_off(const ComparedRun& run) {
   return most;
 }
 
-// Fastest, median and slowest of equal runs.
+// Lower quartile, median and upper quartile of equal runs; the quartiles rounded outwards.
 Json times_of(const Runs& equal, const char* metric, double factor) {
   std::vector<double> ms;
   for (const auto* run : equal) ms.push_back(factor * run->metric(metric).value_or(NAN));
   std::ranges::sort(ms);
-  return {ms.front(), ms[ms.size() / 2], ms.back()};
+  const auto quarter = (ms.size() - 1) / 4;
+  return {ms[quarter], ms[ms.size() / 2], ms[ms.size() - 1 - quarter]};
 }
 
 class SceneStudy {

@@ -61,6 +61,15 @@ const frameLine = {
   },
 };
 
+// Labels at 1, 2 and 5 of each decade: some scenes span less than one.
+function fineLogAxis(title) {
+  const shared = logAxis();
+  const leading = value => Math.round(value / 10 ** Math.floor(Math.log10(value) + 1e-9));
+  shared.ticks.callback = value =>
+    [1, 2, 5].includes(leading(value)) ? viscera.number(Number(value.toPrecision(1))) : "";
+  return {...shared, title: {display: true, text: title}};
+}
+
 // Error (a key of the points) against time; a point that failed has a cross at the top.
 viscera.workPrecision = function (parent, scene, key, title) {
   const points = scene.points.filter(p => p.ms[1] > 0);
@@ -99,8 +108,8 @@ viscera.workPrecision = function (parent, scene, key, title) {
       animation: false, responsive: true, maintainAspectRatio: false, parsing: false,
       interaction: {mode: "nearest", intersect: true},
       scales: {
-        x: {...logAxis(), ...{title: {display: true, text: scene.cost}}},
-        y: {...logAxis(), ...{title: {display: true, text: "mm"}}},
+        x: fineLogAxis(scene.cost),
+        y: fineLogAxis("mm"),
       },
       plugins: {
         frameLine: {ms: scene.span === "end" ? 0 : 1000 / 60},
