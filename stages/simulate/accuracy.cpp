@@ -39,6 +39,18 @@ double doubt_of(const Json& scene, const std::string& mesh) {
   return std::numeric_limits<double>::infinity();
 }
 
+// What to do where no point on this mesh gets there.
+std::string remedy_for(const Json& scene, double accuracy_mm) {
+  for (const auto& point : scene.at("points")) {
+    if (point.at("failed") != "" || !point.at("total_mm").is_number()) continue;
+    const double error = point["total_mm"].get<double>() + doubt_of(scene, point["mesh_sha256"]);
+    if (error > accuracy_mm) continue;
+    return fmt::format("take the study's mesh of {} tets, on which {} reaches it",
+                       point.at("tets").get<int>(), point.at("label").get<std::string>());
+  }
+  return "ask for less: no mesh of the study reaches it";
+}
+
 const Json& cheapest(const StageRun& run, const Json& scene, double accuracy_mm) {
   const std::string mesh = input_digest(run.input("mesh")).sha256;
   const double doubt = doubt_of(scene, mesh);
@@ -61,7 +73,7 @@ const Json& cheapest(const StageRun& run, const Json& scene, double accuracy_mm)
   throw refused(run, fmt::format("{:g} mm is not reached on this mesh", accuracy_mm),
                 fmt::format("{:.3g} mm or more: {}", error(*nearest) + doubt,
                             nearest->at("label").get<std::string>()),
-                "ask for less, or take a finer mesh that the study shows to be better");
+                remedy_for(scene, accuracy_mm));
 }
 
 }  // namespace

@@ -52,6 +52,7 @@ TEST_F(Accuracy, IsRefusedWhenNoneReachesItNamingTheNearest) {
   EXPECT_EQ(run_with("0.2mm"), 3);
   EXPECT_NE(errors.find("0.2 mm is not reached"), std::string::npos) << errors;
   EXPECT_NE(errors.find("0.4 mm or more: tled"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("no mesh of the study reaches it"), std::string::npos) << errors;
   EXPECT_FALSE(fs::exists(path("out") / "manifest.json"));
 }
 

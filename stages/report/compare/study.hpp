@@ -2,8 +2,8 @@
 // reference on the same mesh (the solver's error) and against the reference on the finest mesh (the
 // total; the references' own distance is the discretisation's part).
 //
-// Runs that differ in `repeat` alone are one point: its time is their median, its interval that of the
-// quartiles. Of two points a difference in time is claimed only where these do not touch.
+// Runs that differ in `repeat` alone are one point: its time is their median, its interval that of
+// the quartiles. Of two points a difference in time is claimed only where these do not touch.
 #pragma once
 
 #include "stages/report/compare/runs.hpp"
