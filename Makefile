@@ -6,7 +6,7 @@ BIN := build/bin
 OUT := out/stages
 SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -name '*.cu' -o -name '*.cuh')
 
-.PHONY: help packages build run test check-format format clean \
+.PHONY: help packages build run paper study study-full test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
         bench-solver bench-mesh bench-gpu bench-surface bench-pipeline fuzz
 
@@ -24,6 +24,18 @@ build/build.ninja: | packages
 
 run: build ## the demo, to out/demo/report.html
 	@$(BIN)/viscera run configs/demo.yaml
+
+# Gates that fail (5) and runs that diverge (7) are results here: the page shows them.
+SHOWN = || { code=$$?; [ $$code -eq 5 ] || [ $$code -eq 7 ]; }
+
+paper: build ## the source paper's experiments, to out/paper/compare.html
+	@$(BIN)/viscera run configs/paper.yaml $(SHOWN)
+
+study: build ## what accuracy costs in time, to out/study/compare.html: a quarter of an hour
+	@$(BIN)/viscera run configs/study.yaml $(SHOWN)
+
+study-full: build ## the same in full, to out/study_full/compare.html: many hours
+	@$(BIN)/viscera run configs/study_full.yaml $(SHOWN)
 
 test: build ## every test; those that need what is absent say that they were skipped
 	@ctest --test-dir build --output-on-failure -j $(JOBS)

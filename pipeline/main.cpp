@@ -26,6 +26,9 @@ void declare_run(CLI::App& app, RunOptions& options) {
       ->allow_extra_args(false);
   run->add_option("--until", options.until, "only this stage and those that it needs");
   run->add_option("--from", options.from, "run this stage and those that need it even when cached");
+  run->add_option("--case", options.only_cases,
+                  "only this case, repeatable; what gathers all cases does not run then")
+      ->allow_extra_args(false);
   run->add_flag("--dry-run", options.dry_run, "say what would run and why; write nothing");
   add_folders(*run, options.out, options.cache);
   run->add_flag("--quiet", options.quiet, "warnings and errors only");

@@ -63,21 +63,22 @@ Diagnostics diagnose(const Model& model, const Scene& scene, const State& state)
   return sum;
 }
 
-double smoothness(const Model& model, const State& state) {
+Smoothness smoothness(const Model& model, const State& state) {
   std::vector<double> volume(model.tet_count());
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     const double j = 1.0 + NeoHookean::volume_strain(gradient_of(model, state, t));
     volume[t] = std::max(0.0, j * model.volume[t]);
   }
-  double sum = 0.0;
-  std::size_t pairs = 0;
+  double sum = 0.0, squares = 0.0, pairs = 0.0;
   for (const TetFace& face : tet_faces(model)) {
     if (face.other < 0) continue;
     const auto [low, high] = std::minmax(volume[face.tet], volume[face.other]);
-    sum += high > 0.0 ? low / high : 0.0;
-    ++pairs;
+    const double ratio = high > 0.0 ? low / high : 0.0;
+    sum += ratio, squares += ratio * ratio, ++pairs;
   }
-  return pairs > 0 ? sum / static_cast<double>(pairs) : 1.0;
+  if (pairs == 0.0) return {};
+  const double mean = sum / pairs;
+  return {mean, std::sqrt(std::max(0.0, squares / pairs - mean * mean))};
 }
 
 }  // namespace viscera::sim

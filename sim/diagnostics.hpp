@@ -23,9 +23,12 @@ struct Diagnostics {
 
 Diagnostics diagnose(const Model& model, const Scene& scene, const State& state);
 
-// S = mean(Vmin/Vmax) over face-adjacent pairs of tets (1 for equal volumes); inverted tets count
-// as volume 0. Equation 17 of the source paper scores uneven, not inaccurate, meshes: read it
-// beside the value at rest.
-double smoothness(const Model& model, const State& state);
+// Of Vmin/Vmax over face-adjacent pairs of tets (1 for equal volumes); inverted tets count as
+// volume 0. The mean is S, equation 17 of the source paper: it scores uneven, not inaccurate,
+// meshes, so read it beside the value at rest.
+struct Smoothness {
+  double mean = 1.0, deviation = 0.0;  // deviation: of the population of pairs
+};
+Smoothness smoothness(const Model& model, const State& state);
 
 }  // namespace viscera::sim

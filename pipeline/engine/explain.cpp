@@ -38,7 +38,8 @@ std::string in_words(const KeyComponent& now, const std::string* before) {
 
 bool is_cascade(const KeyComponent& component, const std::vector<std::string>& produced_roles) {
   const bool fed = component.type == "input" || component.type == "manifest";
-  return fed && std::count(produced_roles.begin(), produced_roles.end(), component.name) > 0;
+  const std::string role = component.name.substr(0, component.name.find('#'));
+  return fed && std::count(produced_roles.begin(), produced_roles.end(), role) > 0;
 }
 
 }  // namespace

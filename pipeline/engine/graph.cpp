@@ -97,45 +97,66 @@ void check_given_roles(const Candidate& stage, const std::vector<Candidate>& sta
   }
 }
 
-// The inputs of one stage; `producer` still counts in the spec's order.
-std::vector<PlannedInput> connect(const std::vector<Candidate>& stages, std::size_t self,
-                                  const Writers& writers) {
+// What the cases have made, by role: the stages of the plan that write it.
+struct Made {
+  std::vector<std::size_t> producers;
+  std::string file;
+};
+using MadeByRole = std::map<std::string, Made>;
+
+// The inputs of one stage; producers within its own list still count in the spec's order, those of
+// `made` already in the plan's.
+struct Connection {
+  PlannedInput input;
+  bool in_list = false;
+};
+
+std::vector<Connection> connect(const std::vector<Candidate>& stages, std::size_t self,
+                                const Writers& writers, const MadeByRole& made) {
   const Candidate& stage = stages[self];
-  std::vector<PlannedInput> inputs;
+  std::vector<Connection> inputs;
   for (const auto& role : stage.program.info.inputs) {
-    PlannedInput input{.role = role};
+    Connection one{.input = {.role = role}};
+    PlannedInput& input = one.input;
     for (const auto& given : stage.spec->inputs) {
       if (given.role == role.role) input.files.push_back(given.path);
     }
     const std::string field = stage.spec->name + ".in." + role.role;
     // A stage may read from a file the role that it writes itself.
     const auto writer = writers.find(role.role);
+    const auto gathered = made.find(role.role);
     if (writer != writers.end() && writer->second.candidate != self) {
-      input.producer = writer->second.candidate;
+      one.in_list = true;
+      input.producers = {writer->second.candidate};
       input.produced_file = writer->second.file;
+    } else if (input.files.empty() && gathered != made.end()) {
+      input.producers = gathered->second.producers;
+      input.produced_file = gathered->second.file;
     } else if (input.files.empty()) {
       if (!role.required) continue;
       throw bad(stage.spec->where, field, "missing: no stage of the spec writes this role",
                 fmt::format("add 'in: {{{}: FILE}}' ({}), or the stage that writes it", role.role,
                             role.doc));
     }
-    if (input.files.size() > 1 && !role.many) {
-      throw bad(stage.spec->where, field, fmt::format("{} files", input.files.size()),
+    const std::size_t given = std::max(input.files.size(), input.producers.size());
+    if (given > 1 && !role.many) {
+      if (!role.required && input.files.empty()) continue;
+      throw bad(stage.spec->where, field, fmt::format("{} files", given),
                 "give one file for this role");
     }
-    inputs.push_back(std::move(input));
+    inputs.push_back(std::move(one));
   }
   return inputs;
 }
 
 // Of the stages whose producers are all placed, the first of the spec comes next.
 std::vector<std::size_t> order_of(const std::vector<Candidate>& stages,
-                                  const std::vector<std::vector<PlannedInput>>& inputs) {
+                                  const std::vector<std::vector<Connection>>& inputs) {
   std::vector<std::size_t> order;
   std::vector<bool> placed(stages.size(), false);
   const auto ready = [&](std::size_t i) {
-    return !placed[i] && std::all_of(inputs[i].begin(), inputs[i].end(), [&](const auto& input) {
-      return !input.producer || placed[*input.producer];
+    return !placed[i] && std::all_of(inputs[i].begin(), inputs[i].end(), [&](const auto& one) {
+      return !one.in_list || placed[one.input.producers.front()];
     });
   };
   while (order.size() < stages.size()) {
@@ -156,11 +177,53 @@ std::vector<std::size_t> order_of(const std::vector<Candidate>& stages,
             "remove one of them");
 }
 
-std::size_t index_of(const Plan& plan, const std::string& stage, const std::string& option) {
+// Adds the stages of one case, or those that gather, to the plan.
+void add_to_plan(Plan& plan, const std::vector<Candidate>& stages, const MadeByRole& made,
+                 const std::string& case_name, bool gathers) {
+  const Writers writers = find_writers(stages);
+  std::vector<std::vector<Connection>> inputs;
+  std::vector<Json> params;
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    check_given_roles(stages[i], stages, writers);
+    params.push_back(resolve_params(stages[i]));
+    inputs.push_back(connect(stages, i, writers, made));
+  }
+  const auto order = order_of(stages, inputs);
+  const std::size_t begin = plan.size();
+  for (const std::size_t i : order) {
+    PlannedStage stage{stages[i].program, params[i], {}, case_name, gathers};
+    for (auto& [input, in_list] : inputs[i]) {
+      if (in_list) {
+        const auto place = std::find(order.begin(), order.end(), input.producers.front());
+        input.producers = {begin + static_cast<std::size_t>(place - order.begin())};
+      }
+      stage.inputs.push_back(std::move(input));
+    }
+    plan.push_back(std::move(stage));
+  }
+}
+
+MadeByRole made_by(const Plan& plan) {
+  MadeByRole made;
+  for (std::size_t i = 0; i < plan.size(); ++i) {
+    for (const auto& output : plan[i].program.info.outputs) {
+      if (output.role.empty()) continue;
+      made[output.role].producers.push_back(i);
+      made[output.role].file = output.file;
+    }
+  }
+  return made;
+}
+
+// Which stages of the plan are called so.
+std::vector<bool> called(const Plan& plan, const std::string& stage, const std::string& option) {
+  std::vector<bool> found;
   std::vector<std::string> names;
-  for (const auto& planned : plan) names.push_back(planned.name());
-  const auto found = std::find(names.begin(), names.end(), stage);
-  if (found != names.end()) return static_cast<std::size_t>(found - names.begin());
+  for (const auto& planned : plan) {
+    names.push_back(planned.name());
+    found.push_back(planned.name() == stage);
+  }
+  if (std::count(found.begin(), found.end(), true) > 0) return found;
   throw Error(ExitCode::usage, {.where = "command line",
                                 .field = option,
                                 .found = "no stage '" + stage + "' in the spec",
@@ -170,51 +233,43 @@ std::size_t index_of(const Plan& plan, const std::string& stage, const std::stri
 }  // namespace
 
 Plan make_plan(const Spec& spec, Catalog& catalog) {
-  std::vector<Candidate> stages;
-  for (const auto& stage : spec.stages) {
-    stages.push_back({&stage, catalog.find(stage.name, stage.where)});
-  }
-  const Writers writers = find_writers(stages);
-  std::vector<std::vector<PlannedInput>> inputs;
-  std::vector<Json> params;
-  for (std::size_t i = 0; i < stages.size(); ++i) {
-    check_given_roles(stages[i], stages, writers);
-    params.push_back(resolve_params(stages[i]));
-    inputs.push_back(connect(stages, i, writers));
-  }
-  const auto order = order_of(stages, inputs);
-  Plan plan;
-  for (const std::size_t i : order) {
-    for (auto& input : inputs[i]) {
-      if (!input.producer) continue;
-      const auto place = std::find(order.begin(), order.end(), *input.producer);
-      input.producer = static_cast<std::size_t>(place - order.begin());
+  std::map<std::string, StageProgramFile> programs;
+  const auto candidates = [&](const std::vector<SpecStage>& stages) {
+    std::vector<Candidate> list;
+    for (const auto& stage : stages) {
+      auto known = programs.find(stage.name);
+      if (known == programs.end()) {
+        known = programs.emplace(stage.name, catalog.find(stage.name, stage.where)).first;
+      }
+      list.push_back({&stage, known->second});
     }
-    plan.push_back({stages[i].program, params[i], inputs[i]});
+    return list;
+  };
+  Plan plan;
+  for (const auto& one : spec.cases) {
+    add_to_plan(plan, candidates(one.stages), {}, one.name, false);
   }
+  if (!spec.gather.empty()) add_to_plan(plan, candidates(spec.gather), made_by(plan), "", true);
   return plan;
 }
 
 std::vector<bool> needed_by(const Plan& plan, const std::string& stage, const std::string& option) {
-  std::vector<bool> needed(plan.size(), false);
-  needed[index_of(plan, stage, option)] = true;
+  std::vector<bool> needed = called(plan, stage, option);
   for (std::size_t i = plan.size(); i-- > 0;) {
     if (!needed[i]) continue;
     for (const auto& input : plan[i].inputs) {
-      if (input.producer) needed[*input.producer] = true;
+      for (const std::size_t producer : input.producers) needed[producer] = true;
     }
   }
   return needed;
 }
 
 std::vector<bool> needing(const Plan& plan, const std::string& stage, const std::string& option) {
-  std::vector<bool> flags(plan.size(), false);
-  const std::size_t first = index_of(plan, stage, option);
-  for (std::size_t i = first; i < plan.size(); ++i) {
-    flags[i] = i == first || std::any_of(plan[i].inputs.begin(), plan[i].inputs.end(),
-                                         [&flags](const PlannedInput& input) {
-                                           return input.producer && flags[*input.producer];
-                                         });
+  std::vector<bool> flags = called(plan, stage, option);
+  for (std::size_t i = 0; i < plan.size(); ++i) {
+    for (const auto& input : plan[i].inputs) {
+      for (const std::size_t producer : input.producers) flags[i] = flags[i] || flags[producer];
+    }
   }
   return flags;
 }

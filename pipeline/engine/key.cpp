@@ -40,24 +40,29 @@ void add_params(KeyTranscript& transcript, const PlannedStage& stage) {
   }
 }
 
+std::string numbered(const std::string& role, std::size_t i) {
+  return i == 0 ? role : fmt::format("{}#{}", role, i + 1);
+}
+
 void add_inputs(StageKey& key, const PlannedStage& stage,
                 const std::vector<std::optional<Entry>>& entries, DigestCache& digests) {
   for (const auto& input : stage.inputs) {
     const std::string& role = input.role.role;
-    if (input.producer) {
-      if (!entries[*input.producer]) continue;  // an optional input whose stage was skipped
-      const Entry& entry = *entries[*input.producer];
-      key.transcript.add("input", role, outputs_digest(entry));
-      if (input.role.manifest) key.transcript.add("manifest", role, manifest_digest(entry));
+    std::size_t present = 0;
+    for (const std::size_t producer : input.producers) {
+      if (!entries[producer]) continue;  // an input whose stage was skipped
+      const Entry& entry = *entries[producer];
+      const std::string name = numbered(role, present++);
+      key.transcript.add("input", name, outputs_digest(entry));
+      if (input.role.manifest) key.transcript.add("manifest", name, manifest_digest(entry));
       for (const auto& output : entry.manifest.outputs) {
         if (output.path == input.produced_file) key.inputs.emplace(role, output.sha256);
       }
-      continue;
     }
+    if (!input.producers.empty()) continue;
     for (std::size_t i = 0; i < input.files.size(); ++i) {
-      const std::string name = i == 0 ? role : fmt::format("{}#{}", role, i + 1);
       const std::string digest = digests.input_digest(input.files[i]);
-      key.transcript.add("input", name,
+      key.transcript.add("input", numbered(role, i),
                          fmt::format("{} {}", digest, input.files[i].extension().string()));
       key.inputs.emplace(role, digest);
     }

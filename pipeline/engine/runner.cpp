@@ -21,6 +21,17 @@ namespace viscera {
 namespace fs = std::filesystem;
 namespace {
 
+void make_out(const fs::path& out) {
+  std::error_code failure;
+  fs::create_directories(out, failure);
+  if (!failure) return;
+  throw Error(ExitCode::usage, {.where = out.string(),
+                                .field = "--out",
+                                .found = "cannot be made: " + failure.message(),
+                                .allowed = "a folder you may write to",
+                                .remedy = "choose another --out, or mend its permissions"});
+}
+
 class Runner {
  public:
   Runner(const RunOptions& options, const Spec& spec, Plan plan, Store& store)
@@ -29,19 +40,19 @@ class Runner {
         out_(options.out / spec.name),
         plan_(std::move(plan)),
         store_(store),
-        record_(out_ / "run.json"),
         entries_(plan_.size()),
-        wanted_(options.until.empty() ? std::vector<bool>(plan_.size(), true)
-                                      : needed_by(plan_, options.until, "--until")),
+        wanted_(wanted(options, plan_)),
         forced_(options.from.empty() ? std::vector<bool>(plan_.size(), false)
                                      : needing(plan_, options.from, "--from")) {}
 
   ExitCode run() {
     for (std::size_t i = 0; i < plan_.size(); ++i) {
       if (!wanted_[i] || lacks_input(i)) {
-        rows_.push_back({.stage = plan_[i].name(), .state = wanted_[i] ? "skipped" : "not run"});
+        rows_.push_back({.stage = plan_[i].label(), .state = wanted_[i] ? "skipped" : "not run"});
         continue;
       }
+      enter(folder_of(i));
+      name_cases(i);
       const StageKey key = key_of(plan_[i], entries_, store_.digests());
       Lookup cached = forced_[i] ? Lookup{} : store_.find(key.transcript.key());
       bool ran = false;
@@ -55,13 +66,16 @@ class Runner {
 
   void print() const {
     if (options_.quiet) return;
-    std::cout << status_table(rows_);
-    const auto& last = entries_.back();
-    for (const auto& output : plan_.back().program.info.outputs) {
-      const fs::path file = out_ / output.file;
-      if (output.role.empty() || !fs::exists(file)) continue;
-      std::cout << output.role << ": " << file.string()
-                << (last ? "\n" : " (of an earlier run: this one did not make it)\n");
+    std::cout << status_table(rows_shown());
+    const bool gathered = plan_.back().gathers;
+    for (std::size_t i = 0; i < plan_.size(); ++i) {
+      if (!ends_folder(i) || plan_[i].gathers != gathered) continue;
+      for (const auto& output : plan_[i].program.info.outputs) {
+        const fs::path file = folder_of(i) / output.file;
+        if (output.role.empty() || !fs::exists(file)) continue;
+        std::cout << output.role << ": " << file.string()
+                  << (entries_[i] ? "\n" : " (of an earlier run: this one did not make it)\n");
+      }
     }
     std::cout << std::flush;
   }
@@ -75,26 +89,100 @@ class Runner {
         verdict =
             fmt::format("would run unless the outputs of {} stay the same (cascade)", waiting);
       } else {
+        name_cases(i);
         const KeyTranscript transcript = key_of(plan_[i], entries_, store_.digests()).transcript;
         const Lookup cached = forced_[i] ? Lookup{} : store_.find(transcript.key());
         entries_[i] = cached.entry;
         verdict = cached.entry ? "cached" : "would run: " + why(i, transcript, cached.damage);
       }
-      std::cout << plan_[i].name() << ": " << verdict << "\n";
+      std::cout << plan_[i].label() << ": " << verdict << "\n";
     }
     std::cout << std::flush;
   }
 
  private:
+  static std::vector<bool> wanted(const RunOptions& options, const Plan& plan) {
+    std::vector<bool> flags = options.until.empty() ? std::vector<bool>(plan.size(), true)
+                                                    : needed_by(plan, options.until, "--until");
+    if (options.only_cases.empty()) return flags;
+    std::vector<std::string> names;
+    for (const auto& stage : plan) {
+      if (!stage.case_name.empty()) names.push_back(stage.case_name);
+    }
+    for (const auto& name : options.only_cases) {
+      if (std::ranges::count(names, name)) continue;
+      throw Error(ExitCode::usage,
+                  {.where = "command line",
+                   .field = "--case",
+                   .found = "no case '" + name + "' in the spec",
+                   .remedy = names.empty() ? "leave it out" : suggest(name, names)});
+    }
+    for (std::size_t i = 0; i < plan.size(); ++i) {
+      flags[i] = flags[i] && std::ranges::count(options.only_cases, plan[i].case_name);
+    }
+    return flags;
+  }
+
+  // Of many cases those that need a look.
+  std::vector<StatusRow> rows_shown() const {
+    if (plan_.front().case_name.empty()) return rows_;
+    std::vector<StatusRow> shown;
+    for (const auto& row : rows_) {
+      const bool fine =
+          row.state == "cached" && !row.diverged &&
+          std::ranges::all_of(row.gates, [](const Gate& gate) { return gate.passed(); });
+      if (!fine) shown.push_back(row);
+    }
+    const std::size_t left_out = rows_.size() - shown.size();
+    if (left_out > 0)
+      shown.push_back({.stage = fmt::format("{} more", left_out), .state = "cached"});
+    return shown;
+  }
+
+  // OUT/NAME, of a case OUT/NAME/CASE.
+  fs::path folder_of(std::size_t i) const {
+    return plan_[i].case_name.empty() ? out_ : out_ / plan_[i].case_name;
+  }
+  // Its last stage's outputs also lie in the folder itself.
+  bool ends_folder(std::size_t i) const {
+    return i + 1 == plan_.size() || folder_of(i + 1) != folder_of(i);
+  }
+
+  // One run at a time writes to a folder: two may work on two cases of a spec side by side.
+  void enter(const fs::path& folder) {
+    if (guard_ && folder == entered_) return;
+    guard_.reset();
+    make_out(folder);
+    guard_.emplace(folder / ".lock", "run " + folder.lexically_relative(options_.out).string());
+    entered_ = folder;
+    record_.emplace(folder / "run.json");
+  }
+
+  // A gathering stage with a list `cases` learns there whose files it is given, in their order.
+  void name_cases(std::size_t i) {
+    PlannedStage& stage = plan_[i];
+    const auto& params = stage.program.info.params;
+    const auto declared = std::ranges::find(params, "cases", &Param::name);
+    if (!stage.gathers || declared == params.end() || declared->type != ParamType::list) return;
+    const auto many = std::ranges::find_if(
+        stage.inputs, [](const PlannedInput& input) { return input.producers.size() > 1; });
+    if (many == stage.inputs.end()) return;
+    Json names = Json::array();
+    for (const std::size_t producer : many->producers) {
+      if (produced(*many, producer)) names.push_back(plan_[producer].case_name);
+    }
+    stage.params["cases"] = std::move(names);
+  }
+
   // The stage's result by running it, or (then `ran` stays false) from another engine that ran it
   // while we waited.
   Entry compute(std::size_t i, const StageKey& stage_key, const std::string& damage, bool& ran) {
     const KeyTranscript& transcript = stage_key.transcript;
     const std::string key = transcript.key();
-    const FileLock lock = store_.lock(key, fmt::format("{} of run {}", plan_[i].name(), name_));
+    const FileLock lock = store_.lock(key, fmt::format("{} of run {}", plan_[i].label(), name_));
     const std::optional<Entry> earlier = store_.find(key).entry;
     if (earlier && !forced_[i]) return *earlier;
-    log::info("{}: {}", plan_[i].name(), why(i, transcript, damage));
+    log::info("{}: {}", plan_[i].label(), why(i, transcript, damage));
     const fs::path work = store_.fresh_work_folder(key);
     try {
       const ExitCode ended = run_program(i, work);
@@ -102,7 +190,7 @@ class Runner {
           store_.publish(key, transcript.text(), work,
                          {.stage = plan_[i].name(), .exit = ended, .inputs = stage_key.inputs});
       if (const std::string& reason = entry.manifest.uncacheable; !reason.empty()) {
-        log::warn("{}: not kept for later runs: {}", plan_[i].name(), reason);
+        log::warn("{}: not kept for later runs: {}", plan_[i].label(), reason);
       }
       if (earlier) compare(*earlier, entry);
       ran = true;
@@ -128,7 +216,7 @@ class Runner {
 
   // How the stage ended, of the ends that leave a result.
   ExitCode run_program(std::size_t i, const fs::path& work) {
-    const std::string& stage = plan_[i].name();
+    const std::string stage = plan_[i].label();
     bool said_why = false;
     const ProcessEnd end = run_process(arguments(i, work), [&](std::string_view line) {
       said_why = show_stage_line(stage, line) || said_why;
@@ -178,7 +266,10 @@ class Runner {
     for (const auto& input : stage.inputs) {
       const std::string& role = input.role.role;
       for (const auto& file : input.files) add("--in", role, file.string());
-      if (input.producer && produced(input)) add("--in", role, produced_path(input).string());
+      for (const std::size_t producer : input.producers) {
+        if (!produced(input, producer)) continue;
+        add("--in", role, (folder_of(producer) / plan_[producer].name() / input.produced_file));
+      }
     }
     for (const auto& param : stage.program.info.params) {
       const Json& value = stage.params.at(param.name);
@@ -189,19 +280,20 @@ class Runner {
   }
 
   void lay_out(std::size_t i, const KeyTranscript& transcript) {
-    store_.materialise(*entries_[i], out_ / plan_[i].name());
-    if (i + 1 == plan_.size()) {
+    const fs::path folder = folder_of(i);
+    store_.materialise(*entries_[i], folder / plan_[i].name());
+    if (ends_folder(i)) {
       for (const auto& output : entries_[i]->manifest.outputs) {
-        store_.place(output, out_ / output.path);
+        store_.place(output, folder / output.path);
       }
     }
-    record_.set(plan_[i].name(), transcript.text());
-    record_.save();
+    record_->set(plan_[i].name(), transcript.text());
+    record_->save();
   }
 
   void note_result(std::size_t i, bool ran) {
     const Manifest& manifest = entries_[i]->manifest;
-    rows_.push_back({.stage = plan_[i].name(),
+    rows_.push_back({.stage = plan_[i].label(),
                      .state = ran ? "ran" : "cached",
                      .has_figures = true,
                      .diverged = manifest.exit == ExitCode::diverged,
@@ -209,7 +301,7 @@ class Runner {
                      .max_rss_mb = manifest.max_rss_mb,
                      .gates = manifest.gates});
     if (!ran && manifest.exit != ExitCode::ok) {
-      log::error("{}: {} (cached)", plan_[i].name(), manifest.message);
+      log::error("{}: {} (cached)", plan_[i].label(), manifest.message);
     }
     worst_ = std::max(worst_, manifest.exit);
   }
@@ -217,41 +309,50 @@ class Runner {
   std::string why(std::size_t i, const KeyTranscript& transcript, const std::string& damage) const {
     if (forced_[i]) return "asked for with --from " + options_.from;
     if (!damage.empty()) return damage;
-    const std::string* before = record_.transcript(plan_[i].name());
+    const RunRecord record = record_of(i);
+    const std::string* before = record.transcript(plan_[i].name());
     if (!before) return "first run";
     if (*before == transcript.text()) return "its result is not in the cache";
     std::vector<std::string> produced_roles;
     for (const auto& input : plan_[i].inputs) {
-      if (input.producer) produced_roles.push_back(input.role.role);
+      if (!input.producers.empty()) produced_roles.push_back(input.role.role);
     }
     return explain(*before, transcript.text(), produced_roles);
   }
 
-  fs::path produced_path(const PlannedInput& input) const {
-    return out_ / plan_[*input.producer].name() / input.produced_file;
+  // A dry run enters no folder.
+  RunRecord record_of(std::size_t i) const {
+    return record_ ? *record_ : RunRecord(folder_of(i) / "run.json");
   }
 
   // Whether the producer wrote the file: one that diverged may not have.
-  bool produced(const PlannedInput& input) const {
-    const auto& entry = entries_[*input.producer];
+  bool produced(const PlannedInput& input, std::size_t producer) const {
+    const auto& entry = entries_[producer];
     if (!entry) return false;
-    return std::any_of(entry->manifest.outputs.begin(), entry->manifest.outputs.end(),
-                       [&input](const auto& file) { return file.path == input.produced_file; });
+    return std::ranges::any_of(entry->manifest.outputs, [&input](const auto& file) {
+      return file.path == input.produced_file;
+    });
   }
 
   bool lacks_input(std::size_t i) const {
-    return std::any_of(plan_[i].inputs.begin(), plan_[i].inputs.end(), [this](const auto& input) {
-      return input.producer && input.role.required && !produced(input);
+    return std::ranges::any_of(plan_[i].inputs, [this](const PlannedInput& input) {
+      if (input.producers.empty() || !input.role.required) return false;
+      return std::ranges::none_of(input.producers,
+                                  [&](std::size_t producer) { return produced(input, producer); });
     });
   }
 
   std::string unknown_producers(std::size_t i) const {
+    constexpr std::size_t named = 3;
     std::string names;
+    std::size_t count = 0;
     for (const auto& input : plan_[i].inputs) {
-      if (!input.producer || entries_[*input.producer]) continue;
-      names += (names.empty() ? "" : ", ") + plan_[*input.producer].name();
+      for (const std::size_t producer : input.producers) {
+        if (entries_[producer] || ++count > named) continue;
+        names += (names.empty() ? "" : ", ") + plan_[producer].label();
+      }
     }
-    return names;
+    return count > named ? fmt::format("{} and {} more", names, count - named) : names;
   }
 
   const RunOptions& options_;
@@ -259,23 +360,14 @@ class Runner {
   fs::path out_;
   Plan plan_;
   Store& store_;
-  RunRecord record_;
+  fs::path entered_;
+  std::optional<FileLock> guard_;              // of the folder that we work in
+  std::optional<RunRecord> record_;            // of the same
   std::vector<std::optional<Entry>> entries_;  // of the stages finished so far
   std::vector<bool> wanted_, forced_;
   std::vector<StatusRow> rows_;
   ExitCode worst_ = ExitCode::ok;
 };
-
-void make_out(const fs::path& out) {
-  std::error_code failure;
-  fs::create_directories(out, failure);
-  if (!failure) return;
-  throw Error(ExitCode::usage, {.where = out.string(),
-                                .field = "--out",
-                                .found = "cannot be made: " + failure.message(),
-                                .allowed = "a folder you may write to",
-                                .remedy = "choose another --out, or mend its permissions"});
-}
 
 }  // namespace
 
@@ -289,9 +381,6 @@ ExitCode run_spec(const RunOptions& options) {
     Runner(options, spec, std::move(plan), store).dry_run();
     return ExitCode::ok;
   }
-  const fs::path out = options.out / spec.name;
-  make_out(out);
-  const FileLock guard(out / ".lock", "run " + spec.name);
   Runner runner(options, spec, std::move(plan), store);
   const ExitCode worst = runner.run();
   runner.print();

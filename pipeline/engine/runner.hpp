@@ -1,5 +1,5 @@
 // Runs a spec: for every stage in order, takes its result from the store or starts the stage, and
-// lays the outputs out under OUT/NAME/STAGE.
+// lays the outputs out under OUT/NAME/STAGE, of a case under OUT/NAME/CASE/STAGE.
 #pragma once
 
 #include <filesystem>
@@ -12,14 +12,15 @@ namespace viscera {
 
 struct RunOptions {
   std::filesystem::path spec;
-  std::vector<std::string> sets;   // --set texts
-  std::string until;               // only this stage and those that it needs
-  std::string from;                // this stage and those that need it run even when cached
-  bool dry_run = false;            // say what would run and why, write nothing
-  bool quiet = false;              // warnings and errors only
-  std::filesystem::path out;       // the run writes OUT/NAME
-  std::filesystem::path cache;     // the store
-  std::filesystem::path programs;  // folder of the viscera-STAGE executables
+  std::vector<std::string> sets;        // --set texts
+  std::string until;                    // only this stage and those that it needs
+  std::vector<std::string> only_cases;  // empty: all; else nothing is gathered
+  std::string from;                     // this stage and those that need it run even when cached
+  bool dry_run = false;                 // say what would run and why, write nothing
+  bool quiet = false;                   // warnings and errors only
+  std::filesystem::path out;            // the run writes OUT/NAME
+  std::filesystem::path cache;          // the store
+  std::filesystem::path programs;       // folder of the viscera-STAGE executables
 };
 
 // The worst of what the stages reported: ok, gate_failed or diverged; both keep their outputs, and

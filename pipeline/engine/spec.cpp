@@ -7,6 +7,7 @@
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/yaml_file.hpp"
+#include "pipeline/engine/cases.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
@@ -17,6 +18,8 @@ struct Variable {
   bool given = true;               // false: left empty in the spec
   bool from_command_line = false;  // then a path in it is relative to the current folder
 };
+
+using Variables = std::map<std::string, Variable>;
 
 struct Expansion {
   std::string text;
@@ -30,13 +33,25 @@ class SpecReader {
   Spec read(const std::vector<std::string>& overrides) {
     const YAML::Node root = load_yaml(path_);
     expect_map(root, "spec", "viscera: 1, vars: and stages:");
-    check_keys(root, {"viscera", "vars", "stages"});
+    check_keys(root, {"viscera", "vars", "stages", "cases", "sweep", "gather"});
     check_schema(root);
+    Spec spec{.path = path_, .name = run_name(root)};
     if (root["vars"]) read_variables(root["vars"]);
+    const Variables of_the_spec = variables_;
+    for (const auto& one : read_cases(path_, root["cases"], root["sweep"])) {
+      variables_ = of_the_spec;
+      for (const auto& setting : one.settings) apply_variable(setting);
+      for (const auto& text : overrides) apply_variable(text);
+      SpecCase made{one.name, read_stages(root, "stages")};
+      for (const auto& setting : one.settings) apply_param(setting, made.stages);
+      spec.cases.push_back(std::move(made));
+    }
+    variables_ = of_the_spec;
     for (const auto& text : overrides) apply_variable(text);
-    read_stages(root);
-    for (const auto& text : overrides) apply_param(text);
-    return std::move(spec_);
+    if (root["gather"]) spec.gather = read_stages(root, "gather");
+    check_folders(root, spec);
+    for (const auto& text : overrides) apply_param(text, spec);
+    return spec;
   }
 
  private:
@@ -55,13 +70,15 @@ class SpecReader {
       const std::string& name = item.first.Scalar();
       if (item.second.IsNull()) {
         variables_[name] = {.given = false};
-      } else if (item.second.IsScalar() && item.second.Scalar().find("${") == std::string::npos) {
-        variables_[name] = {.text = item.second.Scalar()};
       } else {
-        throw fail(item.second, "vars." + name, "not a plain value",
-                   "a number or text without ${...}");
+        variables_[name] = {.text = plain_value(item.second, "vars." + name)};
       }
     }
+  }
+
+  std::string plain_value(const YAML::Node& node, const std::string& field) const {
+    if (node.IsScalar() && node.Scalar().find("${") == std::string::npos) return node.Scalar();
+    throw fail(node, field, "not a plain value", "a number or text without ${...}");
   }
 
   static std::pair<std::string, std::string> split(const std::string& assignment) {
@@ -75,50 +92,102 @@ class SpecReader {
     return {assignment.substr(0, equals), assignment.substr(equals + 1)};
   }
 
+  static bool names_param(const std::string& name) { return name.find('.') != std::string::npos; }
+
+  void check_variable(const std::string& name, const std::string& where,
+                      const std::string& field) const {
+    if (variables_.count(name)) return;
+    throw Error(ExitCode::bad_config,
+                {.where = where,
+                 .field = field,
+                 .found = "no such variable in " + path_.string(),
+                 .allowed = "a name under 'vars:', or STAGE.PARAM",
+                 .remedy = variables_.empty() ? "" : suggest(name, variable_names())});
+  }
+
   void apply_variable(const std::string& assignment) {
     const auto [name, value] = split(assignment);
-    if (name.find('.') != std::string::npos) return;
-    if (!variables_.count(name)) {
-      throw Error(ExitCode::bad_config,
-                  {.where = "command line",
-                   .field = "--set " + name,
-                   .found = "no such variable in " + path_.string(),
-                   .allowed = "a name under 'vars:', or STAGE.PARAM",
-                   .remedy = variables_.empty() ? "" : suggest(name, variable_names())});
-    }
+    if (names_param(name)) return;
+    check_variable(name, "command line", "--set " + name);
     variables_[name] = {.text = value, .from_command_line = true};
   }
 
-  void apply_param(const std::string& assignment) {
-    const auto [name, value] = split(assignment);
-    const auto dot = name.find('.');
-    if (dot == std::string::npos) return;
-    const std::string stage_name = name.substr(0, dot);
-    std::vector<std::string> names;
-    for (auto& stage : spec_.stages) {
-      names.push_back(stage.name);
-      if (stage.name != stage_name) continue;
-      stage.params.push_back({name.substr(dot + 1), value_from_text(value), "command line"});
-      return;
-    }
-    throw Error(ExitCode::bad_config, {.where = "command line",
-                                       .field = "--set " + name,
-                                       .found = "no such stage in " + path_.string(),
-                                       .remedy = suggest(stage_name, names)});
+  void apply_variable(const CaseSetting& setting) {
+    if (names_param(setting.name)) return;
+    check_variable(setting.name, setting.where, setting.name);
+    variables_[setting.name] = {.text = plain_value(setting.value, setting.name)};
   }
 
-  void read_stages(const YAML::Node& root) {
-    spec_.path = path_;
-    spec_.name = path_.stem().string();
-    if (spec_.name.starts_with('.')) {
-      throw fail(root, "file name", "begins with a dot", "a name that can name the run's folder");
+  // Sets a param in every one of `stages` that is called so; how many these are.
+  static std::size_t set_param(std::vector<SpecStage>& stages, const std::string& name,
+                               const Json& value, const std::string& where) {
+    const auto dot = name.find('.');
+    std::size_t found = 0;
+    for (auto& stage : stages) {
+      if (stage.name != name.substr(0, dot)) continue;
+      stage.params.push_back({name.substr(dot + 1), value, where});
+      ++found;
     }
-    const YAML::Node stages = root["stages"];
-    if (!stages || !stages.IsMap() || stages.size() == 0) {
-      throw fail(stages ? stages : root, "stages", stages ? "not a map of stages" : "missing",
-                 "stages: with one key per stage");
+    return found;
+  }
+
+  Error no_such_stage(const std::string& name, const std::string& where, const std::string& field,
+                      const std::vector<SpecStage>& stages,
+                      const std::vector<SpecStage>& more = {}) const {
+    std::vector<std::string> names;
+    for (const auto* list : {&stages, &more}) {
+      for (const auto& stage : *list) names.push_back(stage.name);
     }
-    for (const auto& item : stages) spec_.stages.push_back(read_stage(item.first, item.second));
+    return Error(ExitCode::bad_config, {.where = where,
+                                        .field = field,
+                                        .found = "no such stage in " + path_.string(),
+                                        .remedy = suggest(name.substr(0, name.find('.')), names)});
+  }
+
+  void apply_param(const CaseSetting& setting, std::vector<SpecStage>& stages) {
+    if (!names_param(setting.name)) return;
+    const Json value = read_value(setting.value, setting.name);
+    if (set_param(stages, setting.name, value, setting.where) > 0) return;
+    throw no_such_stage(setting.name, setting.where, setting.name, stages);
+  }
+
+  void apply_param(const std::string& assignment, Spec& spec) {
+    const auto [name, text] = split(assignment);
+    if (!names_param(name)) return;
+    const Json value = value_from_text(text);
+    std::size_t found = set_param(spec.gather, name, value, "command line");
+    for (auto& one : spec.cases) found += set_param(one.stages, name, value, "command line");
+    if (found > 0) return;
+    throw no_such_stage(name, "command line", "--set " + name, spec.cases.front().stages,
+                        spec.gather);
+  }
+
+  std::string run_name(const YAML::Node& root) const {
+    const std::string name = path_.stem().string();
+    if (!name.starts_with('.')) return name;
+    throw fail(root, "file name", "begins with a dot", "a name that can name the run's folder");
+  }
+
+  std::vector<SpecStage> read_stages(const YAML::Node& root, const char* section) {
+    const YAML::Node nodes = root[section];
+    if (!nodes || !nodes.IsMap() || nodes.size() == 0) {
+      throw fail(nodes ? nodes : root, section, nodes ? "not a map of stages" : "missing",
+                 std::string(section) + ": with one key per stage");
+    }
+    std::vector<SpecStage> stages;
+    for (const auto& item : nodes) stages.push_back(read_stage(item.first, item.second));
+    return stages;
+  }
+
+  // A case's folder stands beside those of the gathering stages.
+  void check_folders(const YAML::Node& root, const Spec& spec) const {
+    for (const auto& stage : spec.gather) {
+      for (const auto& one : spec.cases) {
+        if (one.name != stage.name) continue;
+        throw fail(root["cases"], "cases",
+                   "'" + one.name + "' is also a stage under gather:", "another name for the case");
+      }
+    }
   }
 
   SpecStage read_stage(const YAML::Node& key, const YAML::Node& body) {
@@ -263,8 +332,7 @@ class SpecReader {
   }
 
   const fs::path& path_;
-  std::map<std::string, Variable> variables_;
-  Spec spec_;
+  Variables variables_;
 };
 
 }  // namespace

@@ -9,6 +9,10 @@
 //       in:
 //         volume: ${input}                   # relative to the spec's folder
 //       labels: {liver: 1, tumour: 2}        # every other key is a param of the stage
+//   cases:                                   # runs of all of these stages (cases.hpp); or sweep:
+//     first: {input: one.nrrd}
+//   gather:                                  # stages that run once, on what every case has made
+//     compare: {title: All of them}
 #pragma once
 
 #include <filesystem>
@@ -38,13 +42,20 @@ struct SpecStage {
   std::vector<SpecParam> params;  // those of --set last; they replace earlier ones
 };
 
-struct Spec {
-  std::filesystem::path path;
-  std::string name;               // of the run: the file's name without .yaml
+struct SpecCase {
+  std::string name;               // empty: the only one of a spec without cases
   std::vector<SpecStage> stages;  // in the order written
 };
 
-// `overrides` are the --set texts: "variable=value" or "stage.param=value". Throws
+struct Spec {
+  std::filesystem::path path;
+  std::string name;             // of the run: the file's name without .yaml
+  std::vector<SpecCase> cases;  // at least one
+  std::vector<SpecStage> gather;
+};
+
+// `overrides` are the --set texts: "variable=value" or "stage.param=value"; they have the last word
+// over what a case sets. Throws
 // Error(bad_config) with file:line:column, and the nearest valid name for an unknown one.
 Spec load_spec(const std::filesystem::path& path, const std::vector<std::string>& overrides);
 

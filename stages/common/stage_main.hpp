@@ -30,6 +30,9 @@ class StageRun {
   }
   bool has_param(const char* name) const { return !params_.at(name).is_null(); }
 
+  // For a stage that finds values of its own: the manifest keeps those that were given.
+  void set_param(const std::string& name, Json value) { params_[name] = std::move(value); }
+
   bool has_input(const std::string& role) const { return inputs_.count(role) > 0; }
   std::filesystem::path input(const std::string& role) const;  // the first of that role
   std::vector<std::filesystem::path> inputs(const std::string& role) const;

@@ -45,6 +45,22 @@ std::string script_json(const Json& json) {
   return out;
 }
 
+// Every {{name}} of the skeleton replaced once; the replacements are not searched again.
+std::string filled(std::string_view skeleton,
+                   const std::map<std::string_view, std::string>& parts) {
+  std::string page;
+  while (true) {
+    const auto begin = skeleton.find("{{");
+    if (begin == std::string_view::npos) return page.append(skeleton);
+    const auto end = skeleton.find("}}", begin);
+    page.append(skeleton.substr(0, begin));
+    page += parts.at(skeleton.substr(begin + 2, end - begin - 2));
+    skeleton.remove_prefix(end + 2);
+  }
+}
+
+}  // namespace
+
 std::string base64(std::string_view bytes) {
   constexpr std::string_view digits =
       "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -63,36 +79,27 @@ std::string base64(std::string_view bytes) {
   return out;
 }
 
-// Every {{name}} of the skeleton replaced once; the replacements are not searched again.
-std::string filled(std::string_view skeleton,
-                   const std::map<std::string_view, std::string>& parts) {
-  std::string page;
-  while (true) {
-    const auto begin = skeleton.find("{{");
-    if (begin == std::string_view::npos) return page.append(skeleton);
-    const auto end = skeleton.find("}}", begin);
-    page.append(skeleton.substr(0, begin));
-    page += parts.at(skeleton.substr(begin + 2, end - begin - 2));
-    skeleton.remove_prefix(end + 2);
-  }
-}
-
-}  // namespace
-
-std::string report_page(const std::string& title, const Json& report,
+std::string filled_page(std::string_view skeleton, const std::vector<std::string_view>& files,
+                        const std::string& title, const Json& report,
                         const std::string& packed_geometry, const std::string& packed_slices) {
   std::string scripts;
-  for (const std::string_view file : web::scripts()) {
+  for (const std::string_view file : files) {
     scripts += "<script>\n";
     scripts += file;
     scripts += "\n</script>\n";
   }
-  return filled(web::skeleton(), {{"title", escaped_html(title)},
-                                  {"style", std::string(web::style())},
-                                  {"scripts", scripts},
-                                  {"report", script_json(report)},
-                                  {"geometry", base64(packed_geometry)},
-                                  {"slices", base64(packed_slices)}});
+  return filled(skeleton, {{"title", escaped_html(title)},
+                           {"style", std::string(web::style())},
+                           {"scripts", scripts},
+                           {"report", script_json(report)},
+                           {"geometry", base64(packed_geometry)},
+                           {"slices", base64(packed_slices)}});
+}
+
+std::string report_page(const std::string& title, const Json& report,
+                        const std::string& packed_geometry, const std::string& packed_slices) {
+  return filled_page(web::skeleton(), web::scripts(), title, report, packed_geometry,
+                     packed_slices);
 }
 
 }  // namespace viscera

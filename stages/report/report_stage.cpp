@@ -2,6 +2,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
+#include "stages/report/gltf.hpp"
 #include "stages/report/page.hpp"
 #include "stages/report/slices.hpp"
 #include "stages/report/sources.hpp"
@@ -10,7 +11,7 @@
 namespace viscera {
 namespace {
 
-constexpr const char* version = "1";
+constexpr const char* version = "2";
 
 StageInfo report_info() {
   StageInfo info{.name = "report",
@@ -26,7 +27,8 @@ StageInfo report_info() {
       optional("mesh", "mesh.vtu, with quality.json and manifest.json beside it"),
       optional("trajectory", "trajectory.h5, with metrics.csv and manifest.json beside it")};
   info.outputs = {{"report.html", "report", "the page; opens from disk, loads nothing"},
-                  {"summary.json", "", "verdict, gates, metrics and digests for programs"}};
+                  {"summary.json", "", "verdict, gates, metrics and digests for programs"},
+                  {"animation.glb", "", "the motion as animated glTF, for other viewers and AR"}};
   info.params = {{.name = "title",
                   .type = ParamType::text,
                   .fallback = "Soft-tissue simulation",
@@ -36,7 +38,13 @@ StageInfo report_info() {
                   .fallback = 120,
                   .lo = 2,
                   .hi = 2000,
-                  .doc = "frames of the trajectory to show at most, evenly chosen"}};
+                  .doc = "frames of the trajectory to show at most, evenly chosen"},
+                 {.name = "gltf_frames",
+                  .type = ParamType::integer,
+                  .fallback = 30,
+                  .lo = 0,
+                  .hi = 2000,
+                  .doc = "frames of animation.glb at most; 0: no such file"}};
   info.libraries = {{"three.js", VISCERA_THREE_VERSION},
                     {"Chart.js", VISCERA_CHART_VERSION},
                     {"hdf5", VISCERA_HDF5_VERSION},
@@ -82,6 +90,9 @@ void make_report(StageRun& run) {
         viewer_data(TrajectoryReader(path), run.param<std::size_t>("max_frames"), path.string());
     report["viewer"] = std::move(viewer.meta);
     geometry = std::move(viewer.packed);
+    const std::string gltf =
+        gltf_binary(TrajectoryReader(path), run.param<std::size_t>("gltf_frames"));
+    if (!gltf.empty()) write_atomically(run.out("animation.glb"), gltf);
   }
   report["slices"] = nullptr;
   std::string packed_slices;

@@ -19,6 +19,10 @@ VISCERA_WEB_FILE(slices_js);
 VISCERA_WEB_FILE(tables_js);
 VISCERA_WEB_FILE(lost_js);
 VISCERA_WEB_FILE(main_js);
+VISCERA_WEB_FILE(compare_html);
+VISCERA_WEB_FILE(overlay_js);
+VISCERA_WEB_FILE(study_charts_js);
+VISCERA_WEB_FILE(compare_js);
 
 #define VISCERA_WEB_VIEW(name) \
   std::string_view(viscera_web_##name, viscera_web_##name##_end - viscera_web_##name)
@@ -40,6 +44,18 @@ std::vector<std::string_view> scripts() {
           VISCERA_WEB_VIEW(viewer_js),    VISCERA_WEB_VIEW(charts_js),
           VISCERA_WEB_VIEW(slices_js),    VISCERA_WEB_VIEW(tables_js),
           VISCERA_WEB_VIEW(lost_js),      VISCERA_WEB_VIEW(main_js)};
+}
+
+std::string_view compare_skeleton() {
+  return VISCERA_WEB_VIEW(compare_html);
+}
+
+std::vector<std::string_view> compare_scripts() {
+  return {VISCERA_WEB_VIEW(three_min_js), VISCERA_WEB_VIEW(OrbitControls_js),
+          VISCERA_WEB_VIEW(chart_min_js), VISCERA_WEB_VIEW(format_js),
+          VISCERA_WEB_VIEW(geometry_js),  VISCERA_WEB_VIEW(charts_js),
+          VISCERA_WEB_VIEW(overlay_js),   VISCERA_WEB_VIEW(study_charts_js),
+          VISCERA_WEB_VIEW(compare_js)};
 }
 
 }  // namespace viscera::web

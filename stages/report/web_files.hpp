@@ -10,4 +10,7 @@ std::string_view skeleton();              // report.html with its {{places}}
 std::string_view style();                 // report.css
 std::vector<std::string_view> scripts();  // in the order in which they must run
 
+std::string_view compare_skeleton();  // compare.html, with the same style
+std::vector<std::string_view> compare_scripts();
+
 }  // namespace viscera::web

@@ -9,6 +9,7 @@
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/yaml_file.hpp"
 #include "stages/common/material_params.hpp"
+#include "stages/simulate/scene_change.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
@@ -52,9 +53,10 @@ class SceneReader {
  public:
   explicit SceneReader(const fs::path& path) : path_(path) {}
 
-  SceneFile read() {
+  SceneFile read(const Json& changes) {
     const YAML::Node root = load_yaml(path_);
     expect_map(root, "scene");
+    change_scene(root, changes, path_);
     check_keys(
         root, "",
         {"scene", "materials", "effects", "schedule", "time", "rest", "stability", "expect"});
@@ -361,8 +363,8 @@ class SceneReader {
 
 }  // namespace
 
-SceneFile read_scene(const fs::path& path) {
-  return SceneReader(path).read();
+SceneFile read_scene(const fs::path& path, const Json& changes) {
+  return SceneReader(path).read(changes);
 }
 
 const std::map<std::string, sim::StabilityPolicy>& stability_policies() {

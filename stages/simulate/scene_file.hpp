@@ -35,7 +35,9 @@ struct SceneFile {
 
 // Throws Error(bad_config) with file:line:column for unknown keys (and the nearest valid one),
 // missing or wrong units, values out of range, and a schedule that changes what cannot change.
-SceneFile read_scene(const std::filesystem::path& path);
+// `changes` holds values that replace those of the file, by their dotted names in it
+// ({"materials.liver.E": "7 kPa"}); the text `off` takes out what stands there.
+SceneFile read_scene(const std::filesystem::path& path, const Json& changes = Json::object());
 
 // Names of all effects, and those that are on in a scene.
 std::vector<std::string> effect_names();

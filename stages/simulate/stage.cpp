@@ -15,9 +15,11 @@
 #include "sim/start.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
+#include "stages/simulate/accuracy.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/frame_loop.hpp"
+#include "stages/simulate/outcome_report.hpp"
 #include "stages/simulate/scene_file.hpp"
 #include "stages/simulate/schedule.hpp"
 #include "stages/simulate/solver_choice.hpp"
@@ -73,21 +75,8 @@ std::map<int, sim::Material> materials_by_label(const TetMesh& mesh, const Scene
   return materials;
 }
 
-// Metrics of a run on which a scene may set an expectation.
-const std::vector<std::string> expectable = {"contact_time",
-                                             "rest_time",
-                                             "min_J",
-                                             "inverted_max",
-                                             "volume_ratio_end",
-                                             "displacement_max_end",
-                                             "smoothness_rest",
-                                             "smoothness_max_deformation",
-                                             "stability_Cs_max",
-                                             "stability_switched_tets",
-                                             "stability_kappa_max"};
-
 SceneFile scene_of(const StageRun& run) {
-  SceneFile file = read_scene(run.input("scene"));
+  SceneFile file = read_scene(run.input("scene"), run.params().at("change"));
   for (const auto& expected : file.expect) {
     if (std::ranges::count(expectable, expected.metric)) continue;
     throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),
@@ -128,12 +117,6 @@ class MetricsFile {
  private:
   std::ofstream file_;
 };
-
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return 0.0;
-  std::ranges::sort(values);
-  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
-}
 
 // The scene's policy over all that the schedule brings; returns the assessment of its worst
 // setting.
@@ -217,79 +200,8 @@ void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& 
   log::info("viscosity is lowered on {:.1f} % of the tets to stay stable", 100.0 * share);
 }
 
-void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& file,
-                    const Outcome& outcome) {
-  const auto on = effects_on(file.scene);
-  std::vector<std::string> off;
-  for (const auto& name : effect_names()) {
-    if (!std::ranges::count(on, name)) off.push_back(name);
-  }
-  run.metric("effects_on", on);
-  run.metric("effects_off", off);
-  run.metric("tets", model.tet_count());
-  run.metric("vertices", model.vertex_count());
-  run.metric("frames", outcome.frames.size());
-  const Json never = nullptr;
-  const auto time = [&never](double s) { return s < 0.0 ? never : Json(s); };
-  run.metric("contact_time", time(outcome.contact_time_s), "s");
-  run.metric("rest_time", time(outcome.rest_time_s), "s");
-  const Frame& last = outcome.frames.back();
-  double min_j = last.now.min_j;
-  std::size_t inverted = 0;
-  std::vector<double> step_ms;
-  for (const auto& frame : outcome.frames) {
-    min_j = std::min(min_j, frame.now.min_j);
-    inverted = std::max(inverted, frame.now.inverted);
-    if (frame.index > 0) step_ms.push_back(frame.step_ms);
-  }
-  run.metric("min_J", min_j);
-  run.metric("inverted_max", inverted);
-  run.metric("volume_ratio_end", last.now.volume_ratio);
-  run.metric("displacement_max_end", m_to_mm * last.now.max_displacement, "mm");
-  run.metric("smoothness_rest",
-             smoothness(model, {std::vector<sim::Vec3<double>>(model.vertex_count()), {}}));
-  run.metric("smoothness_max_deformation", smoothness(model, outcome.most_deformed));
-  run.machine_metric("frame_ms_median", quantile(step_ms, 0.5), "ms");
-  for (const auto& [part, seconds] : outcome.seconds) {
-    run.machine_metric("seconds_" + part, seconds, "s");
-  }
-  run.machine_metric("frame_ms_p99", quantile(step_ms, 0.99), "ms");
-  run.metric("state_hash_end", fmt::format("{:016x}", last.state_hash));
-}
-
-// The scene's expectations become gates on metrics of this run.
-void apply_expectations(StageRun& run, const SceneFile& file) {
-  for (const auto& expected : file.expect) {
-    const auto found = std::ranges::find(run.metrics(), expected.metric, &Metric::name);
-    const Metric metric = *found;
-    const double value = metric.value.is_number() ? metric.value.get<double>()
-                                                  : std::numeric_limits<double>::quiet_NaN();
-    if (expected.min) run.gate(metric.name, value, ">=", *expected.min, metric.unit);
-    if (expected.max) run.gate(metric.name, value, "<=", *expected.max, metric.unit);
-  }
-}
-
-void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome) {
-  std::vector<std::pair<double, std::size_t>> worst;
-  for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    sim::Vec3<double> u[4];
-    for (int i = 0; i < 4; ++i) u[i] = outcome.last.u[model.tets[t][i]];
-    const auto h = sim::displacement_gradient(u, model.rest_inverse[t]);
-    worst.emplace_back(1.0 + sim::NeoHookean::volume_strain(h), t);
-  }
-  const auto shown = std::min<std::size_t>(5, worst.size());
-  std::partial_sort(worst.begin(), worst.begin() + shown, worst.end());
-  std::string tets;
-  for (std::size_t i = 0; i < shown; ++i) {
-    tets += fmt::format("{}{} (J {:.3g})", i ? ", " : "", worst[i].second, worst[i].first);
-  }
-  run.set_diverged(fmt::format(
-      "diverged after frame {} (t {:.4f} s) with {}; tets with the smallest J there: {}\n"
-      "  remedy:  more substeps, stability: substeps, or a mesh without slivers",
-      outcome.frames.back().index, outcome.frames.back().time_s, outcome.divergence, tets));
-}
-
 void simulate(StageRun& run) {
+  take_accuracy(run);
   SceneFile file = scene_of(run);
   const TetMesh mesh = read_vtu(run.input("mesh"));
   sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
@@ -341,6 +253,19 @@ std::vector<Param> params() {
                  .lo = 1.0,
                  .hi = 1e6,
                  .doc = "in place of the scene's time.substeps"});
+  all.push_back(quantity("accuracy", nullptr, "mm", 1e-9, 1e6,
+                         "the solver's params are those of the cheapest setting that the study "
+                         "shows to be no farther off, on this mesh; refused when there is none"));
+  all.push_back({.name = "change",
+                 .type = ParamType::map,
+                 .fallback = Json::object(),
+                 .doc = "values in place of the scene's, by their names in it: {materials.liver.E: "
+                        "7kPa, effects.viscosity: off}"});
+  all.push_back({.name = "repeat",
+                 .type = ParamType::integer,
+                 .fallback = 1,
+                 .lo = 1.0,
+                 .doc = "tells runs apart that are equal otherwise, for their times"});
   all.push_back(quantity("end", nullptr, "s", 1e-6, 1e5, "in place of the scene's time.end"));
   return all;
 }
@@ -351,7 +276,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "3",
+           .version = "4",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},
@@ -360,6 +285,9 @@ const Stage& simulate_stage() {
                        .required = false,
                        .doc = "volume of measured Young's modulus, kPa (elastography): in place of "
                               "the labels' E; 0 or NaN: not measured"},
+                      {.role = "study",
+                       .required = false,
+                       .doc = "study.json of viscera-compare, for the param accuracy"},
                       {.role = "checkpoint",
                        .required = false,
                        .doc = "checkpoint.h5 of a run of this mesh and scene, to go on from"}},

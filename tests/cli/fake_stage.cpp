@@ -39,7 +39,7 @@ Param size_param() {
 
 // volume -> alpha -> (role a) -> beta -> (role b) -> gamma -> page; gamma reads a and b's manifest
 // as well. echo reads b alone. refit writes b and may read b from a file. delta writes role a too.
-// loop_one and loop_two feed one another.
+// loop_one and loop_two feed one another. many reads every e and names the cases.
 StageInfo declare(const std::string& name) {
   StageInfo info{.name = name, .version = "1", .doc = "a fake stage"};
   info.params = {{.name = "text", .fallback = "hello", .doc = "copied to the output"},
@@ -56,6 +56,14 @@ StageInfo declare(const std::string& name) {
   if (name == "alpha" || name == "delta") feed("volume", "a");
   if (name == "echo") feed("b", "e");
   if (name == "refit") feed("b", "b");
+  if (name == "many") {
+    feed("e", "all");
+    info.inputs.back().many = true;
+    info.params.push_back({.name = "cases",
+                           .type = ParamType::list,
+                           .fallback = Json::array(),
+                           .doc = "names of the cases"});
+  }
   if (name == "loop_one") feed("c", "d");
   if (name == "loop_two") feed("d", "c");
   if (name == "beta") {
@@ -146,8 +154,12 @@ void work(const std::string& name, StageRun& run) {
   misbehave(declare(name), environment("FAKE_" + name), run);
   log::progress("working", 0.5);
   std::string text = run.param<std::string>("text") + "\n";
+  if (name == "many") {
+    text = run.param<std::string>("text") + " " + run.params().at("cases").dump() + "\n";
+    for (const auto& file : run.inputs("e")) text += read_file(file);
+  }
   for (const auto& input : declare(name).inputs) {
-    if (run.has_input(input.role)) text += read_file(run.input(input.role));
+    if (!input.many && run.has_input(input.role)) text += read_file(run.input(input.role));
   }
   if (name == "gamma") {
     std::ofstream(run.out("page.html")) << text;

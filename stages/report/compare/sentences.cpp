@@ -1,0 +1,127 @@
+#include "stages/report/compare/sentences.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <set>
+
+namespace viscera {
+namespace {
+
+// What has this error at most, without having failed.
+std::vector<const Json*> reaching(const Json& points, const char* error, double wanted,
+                                  const std::string& mesh) {
+  std::vector<const Json*> all;
+  for (const auto& p : points) {
+    if (p["failed"] != "" || !p[error].is_number() || p[error].get<double>() > wanted) continue;
+    if (mesh.empty() || p["mesh_sha256"] == mesh) all.push_back(&p);
+  }
+  std::ranges::sort(all, {}, [](const Json* p) { return (*p)["ms"][1].get<double>(); });
+  return all;
+}
+
+std::string ms(const Json& point) {
+  const double value = point["ms"][1];
+  return value < 100.0 ? fmt::format("{:.3g} ms", value) : fmt::format("{:.0f} ms", value);
+}
+
+// What a point is called where all are on one mesh, and where they are not.
+std::string name_of(const Json& point, const std::string& mesh) {
+  const std::string label = point["label"];
+  return mesh.empty() ? fmt::format("{}, {} tets", label, point["tets"].get<int>()) : label;
+}
+
+// What follows "1 mm costs".
+std::string price(const Json& scene, const std::vector<const Json*>& all, const std::string& mesh) {
+  const Json& best = *all.front();
+  std::vector<std::string> alike, dearer, without;
+  std::set<std::string> told = {best["solver"]};
+  for (const Json* other : all) {
+    const std::string solver = (*other)["solver"];
+    if (!told.insert(solver).second) continue;
+    if ((*other)["ms"][0].get<double>() > best["ms"][2].get<double>()) {
+      dearer.push_back(fmt::format(", {} needs {}", solver, ms(*other)));
+    } else {
+      alike.push_back(fmt::format("{} ({})", name_of(*other, mesh), ms(*other)));
+    }
+  }
+  for (const auto& p : scene["points"]) {
+    const std::string solver = p["solver"];
+    const bool here = mesh.empty() || p["mesh_sha256"] == mesh;
+    if (here && told.insert(solver).second) without.push_back(solver);
+  }
+  std::string text = fmt::format("{} ({})", ms(best), name_of(best, mesh));
+  if (!alike.empty()) {
+    text += fmt::format(", not to be told apart from {}", fmt::join(alike, " or "));
+  }
+  text += fmt::format("{}", fmt::join(dearer, ""));
+  if (!without.empty())
+    text += fmt::format(", no run of {} gets there", fmt::join(without, " or "));
+  return text;
+}
+
+// Where the goals end: what comes nearest.
+std::string not_reached(const Json& scene, const char* error, double wanted,
+                        const std::string& mesh) {
+  const auto all = reaching(scene["points"], error, std::numeric_limits<double>::infinity(), mesh);
+  std::string text = fmt::format("{:g} mm is not reached", wanted);
+  if (all.empty()) return text;
+  const Json& nearest = **std::ranges::min_element(
+      all, {}, [error](const Json* p) { return (*p)[error].get<double>(); });
+  return text + fmt::format(": {:.2g} mm is the least ({}, {})", nearest[error].get<double>(),
+                            ms(nearest), name_of(nearest, mesh));
+}
+
+std::string sentence(const Json& scene, const std::string& begin, const char* error,
+                     const std::vector<double>& wanted, const std::string& mesh) {
+  std::vector<std::string> parts, goals;
+  std::string same;
+  const auto finish = [&] {
+    if (goals.empty()) return;
+    parts.push_back(fmt::format("{} mm {} {}", fmt::join(goals, ", "),
+                                goals.size() > 1 ? "cost" : "costs", same));
+    goals.clear();
+  };
+  for (const double w : wanted) {  // largest first
+    const auto all = reaching(scene["points"], error, w, mesh);
+    if (all.empty()) {
+      finish();
+      parts.push_back(not_reached(scene, error, w, mesh));
+      break;
+    }
+    const std::string text = price(scene, all, mesh);
+    if (text != same) finish();
+    same = text;
+    goals.push_back(fmt::format("{:g}", w));
+  }
+  finish();
+  return fmt::format("{}: {}.", begin, fmt::join(parts, "; "));
+}
+
+}  // namespace
+
+Json sentences_of(const Json& scene, const std::vector<double>& wanted_mm) {
+  std::map<std::string, int> settings;
+  for (const auto& p : scene["points"]) ++settings[p["mesh_sha256"]];
+  if (settings.empty()) return Json::array();
+  const auto most = std::ranges::max_element(settings, {}, [](const auto& m) { return m.second; });
+  int tets = 0;
+  for (const auto& p : scene["points"]) {
+    if (p["mesh_sha256"] == most->first) tets = p["tets"];
+  }
+  const std::string name = scene["name"], cost = scene["cost"];
+  Json all = Json::array();
+  all.push_back(
+      sentence(scene, fmt::format("{}, solver alone on the mesh of {} tets, {}", name, tets, cost),
+               "solver_mm", wanted_mm, most->first));
+  if (scene["meshes"].size() > 1) {
+    all.push_back(sentence(scene, fmt::format("{}, mesh and solver together, {}", name, cost),
+                           "total_mm", wanted_mm, ""));
+  }
+  return all;
+}
+
+}  // namespace viscera

@@ -1,0 +1,34 @@
+// What accuracy costs in time, from the runs of a sweep. Runs of one scene are held against a
+// reference on the same mesh (the solver's error) and against the reference on the finest mesh (the
+// total; the references' own distance is the discretisation's part).
+//
+// Runs that differ in `repeat` alone are one point: its time is their median, its interval that of
+// the quartiles. Of two points a difference in time is claimed only where these do not touch.
+#pragma once
+
+#include "stages/report/compare/runs.hpp"
+
+namespace viscera {
+
+struct StudyOptions {
+  // Maps of params of viscera-simulate: a run that has all values of one of them is a reference. Of
+  // those of one scene and mesh the last is the reference and the one before it says how far the
+  // reference itself may be off.
+  Json references = Json::array();
+  std::vector<double> wanted_mm;  // errors that the sentences speak of, largest first
+};
+
+// { wanted_mm, scenes: [{name, scene_sha256, change, span, size_mm, cost, meshes, points,
+// sentences}],
+//   effects: [{scene, label, tets, change, ms, ms_without, told_apart, mm, failed}] }
+//
+// meshes: [{sha256, tets, reference, check, agreement_mm, discretisation_mm (null: the finest)}]
+// points: [{setting, label, solver, run, mesh_sha256, tets, ms [lo, median, hi], repeats, cs,
+//           solver_mm, solver_rms_mm, total_mm, end_mm, energy_rise, volume_off, inverted, failed
+//           (why; "": it did not), doubtful (nearer to the reference than ten times its own check),
+//           front (no other point of its scene is both cheaper and nearer, in total)}]
+// Errors are the largest of any vertex in any frame (span "end": in the last), null where there is
+// none. Times are ms a frame (span "end": ms until it rests).
+Json study_of(const std::vector<ComparedRun>& runs, const StudyOptions& options);
+
+}  // namespace viscera

@@ -1,0 +1,110 @@
+#include "stages/simulate/accuracy.hpp"
+
+#include <fmt/format.h>
+
+#include <limits>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/error.hpp"
+#include "pipeline/contract/input_digest.hpp"
+#include "pipeline/contract/log.hpp"
+
+namespace viscera {
+namespace {
+
+Error refused(const StageRun& run, const std::string& found, const std::string& allowed,
+              const std::string& remedy) {
+  return Error(ExitCode::bad_config, {.where = run.input("study").string(),
+                                      .field = "accuracy",
+                                      .found = found,
+                                      .allowed = allowed,
+                                      .remedy = remedy});
+}
+
+const Json& scene_in(const StageRun& run, const Json& study) {
+  const std::string sha256 = input_digest(run.input("scene")).sha256;
+  for (const auto& scene : study.at("study").at("scenes")) {
+    if (scene.at("scene_sha256") == sha256 && scene.at("change") == run.params().at("change")) {
+      return scene;
+    }
+  }
+  throw refused(run, "the study does not hold this scene", "a study of the very scene and change",
+                "run a study with it: add it to configs/study.yaml");
+}
+
+double doubt_of(const Json& scene, const std::string& mesh) {
+  for (const auto& one : scene.at("meshes")) {
+    if (one.at("sha256") == mesh && one.at("agreement_mm").is_number()) return one["agreement_mm"];
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+// What to do where no point on this mesh gets there.
+std::string remedy_for(const Json& scene, double accuracy_mm) {
+  for (const auto& point : scene.at("points")) {
+    if (point.at("failed") != "" || !point.at("total_mm").is_number()) continue;
+    const double error = point["total_mm"].get<double>() + doubt_of(scene, point["mesh_sha256"]);
+    if (error > accuracy_mm) continue;
+    return fmt::format("take the study's mesh of {} tets, on which {} reaches it",
+                       point.at("tets").get<int>(), point.at("label").get<std::string>());
+  }
+  return "ask for less: no mesh of the study reaches it";
+}
+
+const Json& cheapest(const StageRun& run, const Json& scene, double accuracy_mm) {
+  const std::string mesh = input_digest(run.input("mesh")).sha256;
+  const double doubt = doubt_of(scene, mesh);
+  const Json *best = nullptr, *nearest = nullptr;
+  const auto error = [](const Json& point) { return point.at("total_mm").get<double>(); };
+  const auto cost = [](const Json& point) { return point.at("ms").at(1).get<double>(); };
+  for (const auto& point : scene.at("points")) {
+    const bool counts = point.at("mesh_sha256") == mesh && point.at("failed") == "" &&
+                        point.at("total_mm").is_number();
+    if (!counts) continue;
+    if (!nearest || error(point) < error(*nearest)) nearest = &point;
+    const bool reaches = error(point) + doubt <= accuracy_mm;
+    if (reaches && (!best || cost(point) < cost(*best))) best = &point;
+  }
+  if (best) return *best;
+  if (!nearest) {
+    throw refused(run, "the study has no point on this mesh", "a mesh that the study has used",
+                  "run the study with it");
+  }
+  throw refused(run, fmt::format("{:g} mm is not reached on this mesh", accuracy_mm),
+                fmt::format("{:.3g} mm or more: {}", error(*nearest) + doubt,
+                            nearest->at("label").get<std::string>()),
+                remedy_for(scene, accuracy_mm));
+}
+
+}  // namespace
+
+void take_accuracy(StageRun& run) {
+  if (!run.has_param("accuracy")) return;
+  if (!run.has_input("study")) {
+    throw Error(ExitCode::usage, {.where = "command line",
+                                  .field = "accuracy",
+                                  .found = "given without a study",
+                                  .allowed = "accuracy beside --in study=study.json",
+                                  .remedy = "make one: viscera run configs/study.yaml"});
+  }
+  const Json study = Json::parse(read_file(run.input("study")), nullptr, false);
+  try {
+    const Json& point = cheapest(run, scene_in(run, study), run.param<double>("accuracy"));
+    for (const auto& [name, value] : point.at("setting").items()) {
+      if (name != "accuracy" && run.params().contains(name)) run.set_param(name, value);
+    }
+    log::info("{:g} mm: {}, which the study shows to be {:.3g} mm off for {:.3g} {}",
+              run.param<double>("accuracy"), point.at("label").get<std::string>(),
+              point.at("total_mm").get<double>(), point.at("ms").at(1).get<double>(),
+              scene_in(run, study).at("cost").get<std::string>());
+    run.metric("accuracy_setting", point.at("label"));
+    run.metric("accuracy_expected", point.at("total_mm"), "mm");
+  } catch (const Json::exception& e) {
+    throw Error(ExitCode::bad_input, {.where = run.input("study").string(),
+                                      .found = e.what(),
+                                      .allowed = "study.json of viscera-compare",
+                                      .remedy = "run the study again"});
+  }
+}
+
+}  // namespace viscera

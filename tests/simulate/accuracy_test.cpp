@@ -1,0 +1,75 @@
+// The solver's setting taken from a study: the cheapest that is shown to be accurate enough on this
+// mesh, and a refusal with a reason when there is none.
+#include "pipeline/contract/input_digest.hpp"
+#include "tests/simulate/simulate_run.hpp"
+
+namespace viscera {
+namespace {
+
+class Accuracy : public Simulate {
+ protected:
+  Json point(const std::string& solver, int substeps, double ms, double mm) const {
+    return {{"setting", {{"solver", solver}, {"substeps", substeps}, {"iterations", 1}}},
+            {"label", solver},
+            {"mesh_sha256", input_digest(path("mesh.vtu")).sha256},
+            {"ms", {ms, ms, ms}},
+            {"total_mm", mm},
+            {"failed", ""}};
+  }
+  // A study of drop_scene on this mesh, whose references are 0.1 mm sure.
+  void write_study(const Json& points) {
+    write_atomically(path("scene.yaml"), drop_scene);
+    const Json mesh = {{"sha256", input_digest(path("mesh.vtu")).sha256}, {"agreement_mm", 0.1}};
+    const Json scene = {{"scene_sha256", input_digest(path("scene.yaml")).sha256},
+                        {"change", Json::object()},
+                        {"cost", "ms a frame"},
+                        {"meshes", {mesh}},
+                        {"points", points}};
+    write_atomically(path("study.json"), Json{{"study", {{"scenes", {scene}}}}}.dump());
+  }
+  int run_with(const std::string& accuracy, std::vector<std::string> extra = {}) {
+    extra.insert(extra.end(), {"--set", "accuracy=" + accuracy, "--set", "end=0.05s", "--in",
+                               "study=" + path("study.json").string()});
+    return run(drop_scene, extra);
+  }
+};
+
+TEST_F(Accuracy, TheCheapestSettingThatReachesItIsTaken) {
+  write_study({point("xpbd", 16, 1.0, 2.0), point("tled", 48, 3.0, 0.3),
+               point("xpbd", 40, 2.0, 0.35), point("fem", 1, 0.5, 9.0)});
+  ASSERT_EQ(run_with("0.5mm"), 0) << errors;
+  EXPECT_EQ(metric("substeps"), 40);
+  EXPECT_EQ(metric("accuracy_setting"), "xpbd");
+  EXPECT_EQ(metric("accuracy_expected"), 0.35);
+  ASSERT_EQ(run_with("0.42mm"), 0) << errors;
+  EXPECT_EQ(metric("substeps"), 48) << "the reference's doubt counts";
+}
+
+TEST_F(Accuracy, IsRefusedWhenNoneReachesItNamingTheNearest) {
+  auto failed = point("pbd", 8, 1.0, 0.01);
+  failed["failed"] = "diverged";
+  write_study({point("tled", 48, 3.0, 0.3), failed});
+  EXPECT_EQ(run_with("0.2mm"), 3);
+  EXPECT_NE(errors.find("0.2 mm is not reached"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("0.4 mm or more: tled"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("no mesh of the study reaches it"), std::string::npos) << errors;
+  EXPECT_FALSE(fs::exists(path("out") / "manifest.json"));
+}
+
+TEST_F(Accuracy, IsRefusedForAnotherSceneMeshOrNoStudy) {
+  write_study(Json::array({point("tled", 48, 3.0, 0.3)}));
+  EXPECT_EQ(run_with("1mm", {"--set", "change={materials.liver.E: 9 kPa}"}), 3);
+  EXPECT_NE(errors.find("does not hold this scene"), std::string::npos) << errors;
+  auto other = point("tled", 48, 3.0, 0.3);
+  other["mesh_sha256"] = "another";
+  write_study(Json::array({other}));
+  EXPECT_EQ(run_with("1mm"), 3);
+  EXPECT_NE(errors.find("no point on this mesh"), std::string::npos) << errors;
+  EXPECT_EQ(run(drop_scene, {"--set", "accuracy=1mm"}), 2);
+  EXPECT_NE(errors.find("without a study"), std::string::npos) << errors;
+  write_atomically(path("study.json"), "{}");
+  EXPECT_EQ(run_with("1mm"), 4);
+}
+
+}  // namespace
+}  // namespace viscera

@@ -1,0 +1,235 @@
+// A comparison says what its runs say: distances between motions, points and failures of a study,
+// the sentences that follow from them, and pictures that equal input makes equal.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/error.hpp"
+#include "stages/report/compare/compare_stage.hpp"
+#include "stages/report/compare/distance.hpp"
+#include "stages/report/compare/figures.hpp"
+#include "stages/report/compare/sentences.hpp"
+#include "stages/report/compare/study.hpp"
+#include "tests/web/sample_run.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Displacement (0, 0, s) times the height above z = 0 over 100 mm: linear, so exact on any mesh.
+std::vector<float> sheared(const TetMesh& mesh, double s) {
+  std::vector<float> xyz;
+  for (const auto& p : mesh.points) {
+    xyz.insert(xyz.end(), {static_cast<float>(p[0]), static_cast<float>(p[1]),
+                           static_cast<float>(p[2] + s * p[2] / 100.0)});
+  }
+  return xyz;
+}
+
+class Compare : public testing::Test {
+ protected:
+  std::shared_ptr<const TrajectoryReader> trajectory(const TetMesh& mesh,
+                                                     const std::vector<double>& shears) {
+    const fs::path folder = folder_.path() / std::to_string(++count_);
+    fs::create_directories(folder);
+    TrajectoryWriter writer(folder, mesh);
+    for (std::size_t f = 0; f < shears.size(); ++f) {
+      writer.append(0.1 * static_cast<double>(f), sheared(mesh, shears[f]));
+    }
+    writer.finish();
+    return std::make_shared<TrajectoryReader>(folder / "trajectory.h5");
+  }
+
+  // A run whose error against a reference of shear 10 is its `error` in shear.
+  ComparedRun run(const std::string& solver, int substeps, double error, double ms,
+                  const TetMesh& mesh, const std::string& mesh_name) {
+    ComparedRun one;
+    one.name = solver + std::to_string(substeps);
+    one.trajectory = trajectory(mesh, {0.0, 10.0 + error});
+    one.manifest = {{"exit", 0},
+                    {"params",
+                     {{"solver", solver},
+                      {"scheme", "gauss_seidel"},
+                      {"precision", "fp32"},
+                      {"iterations", 1},
+                      {"repeat", 1},
+                      {"change", Json::object()}}},
+                    {"inputs",
+                     {{{"role", "scene"}, {"path", "hang.yaml"}, {"sha256", "s"}},
+                      {{"role", "mesh"}, {"path", "mesh.vtu"}, {"sha256", mesh_name}}}},
+                    {"outputs", {{{"path", "trajectory.h5"}, {"sha256", std::to_string(error)}}}},
+                    {"metrics",
+                     {{{"name", "substeps"}, {"value", substeps}},
+                      {{"name", "frame_ms_median"}, {"value", ms}}}}};
+    one.series = {{"total_J", {1.0, 0.5}}, {"elastic_J", {0.0, 1.0}}, {"volume_ratio", {1.0, 0.9}}};
+    return one;
+  }
+
+  static double height(const TetMesh& mesh) {
+    double most = 0.0;
+    for (const auto& p : mesh.points) most = std::max(most, std::abs(p[2]));
+    return most;
+  }
+
+  TemporaryFolder folder_{fs::temp_directory_path()};
+  int count_ = 0;
+};
+
+TEST_F(Compare, ALinearMotionIsTheSameOnAnyMesh) {
+  const TetMesh coarse = sample_mesh(3), fine = sample_mesh(7);
+  DistanceBetween distance;
+  const auto a = trajectory(coarse, {0.0, 5.0}), b = trajectory(fine, {0.0, 5.0});
+  EXPECT_LT(distance(*a, *b, Span::history).largest, 1e-3);
+  EXPECT_LT(distance(*b, *a, Span::history).largest, 1e-3);
+}
+
+TEST_F(Compare, ADistanceIsThatOfTheFarthestVertexInAnyFrame) {
+  const TetMesh mesh = sample_mesh(4);
+  const auto a = trajectory(mesh, {0.0, 8.0, 1.0}), b = trajectory(mesh, {0.0, 5.0, 0.0});
+  DistanceBetween distance;
+  const Distance history = distance(*a, *b, Span::history);
+  EXPECT_NEAR(history.largest, 3.0 * height(mesh) / 100.0, 1e-4);
+  EXPECT_NEAR(history.end, 1.0 * height(mesh) / 100.0, 1e-4);
+  EXPECT_GT(history.rms, 0.0);
+  EXPECT_LT(history.rms, history.largest);
+  EXPECT_NEAR(distance(*a, *b, Span::end).largest, 1.0 * height(mesh) / 100.0, 1e-4);
+}
+
+TEST_F(Compare, ARunThatEndsEarlyIsInfinitelyFar) {
+  const TetMesh mesh = sample_mesh(2);
+  DistanceBetween distance;
+  const auto whole = trajectory(mesh, {0.0, 1.0}), half = trajectory(mesh, {0.0});
+  EXPECT_TRUE(std::isinf(distance(*half, *whole, Span::history).largest));
+}
+
+TEST_F(Compare, AStudyPartsTheErrorMarksFailuresAndFindsTheFront) {
+  const TetMesh mesh = sample_mesh(3), fine = sample_mesh(6);
+  std::vector<ComparedRun> runs = {
+      run("tled", 512, 0.001, 90, mesh, "m"), run("tled", 1024, 0.0, 99, mesh, "m"),
+      run("tled", 1024, 0.5, 99, fine, "f"),  // the mesh's error
+      run("xpbd", 8, 4.0, 1.0, mesh, "m"),    run("xpbd", 16, 1.0, 2.0, mesh, "m"),
+      run("xpbd", 32, 2.0, 4.0, mesh, "m"),   run("fem", 1, 100.0, 3.0, mesh, "m"),
+      run("xpbd", 64, 0.002, 8.0, mesh, "m")};
+  const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
+  const Json study = study_of(runs, options);
+  ASSERT_EQ(study["scenes"].size(), 1u);
+  const Json& scene = study["scenes"][0];
+  ASSERT_EQ(scene["meshes"].size(), 2u);
+  const double unit = height(mesh) / 100.0;
+  EXPECT_NEAR(scene["meshes"][0]["discretisation_mm"].get<double>(), 0.5 * unit, 1e-3);
+  EXPECT_TRUE(scene["meshes"][1]["discretisation_mm"].is_null());
+  ASSERT_EQ(scene["points"].size(), 5u);
+  const Json &eight = scene["points"][0], &sixteen = scene["points"][1],
+             &thirty_two = scene["points"][2], &fem = scene["points"][3],
+             &best = scene["points"][4];
+  EXPECT_NEAR(eight["solver_mm"].get<double>(), 4.0 * unit, 1e-3);
+  EXPECT_NEAR(eight["total_mm"].get<double>(), 3.5 * unit, 1e-3);
+  EXPECT_TRUE(sixteen["front"].get<bool>());
+  EXPECT_FALSE(thirty_two["front"].get<bool>()) << "dearer and worse than 16 substeps";
+  EXPECT_EQ(fem["failed"], "farther off than the body moves");
+  EXPECT_TRUE(best["doubtful"].get<bool>()) << "the reference is no surer than that";
+  EXPECT_FALSE(sixteen["doubtful"].get<bool>());
+}
+
+TEST_F(Compare, EqualRunsAreOnePointAndMustBeEqual) {
+  const TetMesh mesh = sample_mesh(2);
+  std::vector<ComparedRun> runs = {
+      run("tled", 64, 0.0, 9, mesh, "m"), run("xpbd", 8, 1.0, 3.0, mesh, "m"),
+      run("xpbd", 8, 1.0, 1.0, mesh, "m"), run("xpbd", 8, 1.0, 2.0, mesh, "m")};
+  for (int i = 1; i < 4; ++i) runs[i].manifest["params"]["repeat"] = i;
+  const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
+  const Json point = study_of(runs, options)["scenes"][0]["points"].at(0);
+  EXPECT_EQ(point["ms"], (Json{1.0, 2.0, 3.0}));
+  EXPECT_EQ(point["failed"], "");
+  runs[2].manifest["outputs"][0]["sha256"] = "other";
+  EXPECT_EQ(study_of(runs, options)["scenes"][0]["points"][0]["failed"], "equal runs differ");
+}
+
+TEST_F(Compare, AnEffectIsHeldAgainstTheSameSceneWithoutIt) {
+  const TetMesh mesh = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("xpbd", 8, 0.0, 3.0, mesh, "m"),
+                                   run("xpbd", 8, 2.0, 5.0, mesh, "m")};
+  runs[1].manifest["params"]["change"] = {{"effects.viscosity", Json::object()}};
+  const Json effects = study_of(runs, {})["effects"];
+  ASSERT_EQ(effects.size(), 1u);
+  EXPECT_TRUE(effects[0]["told_apart"].get<bool>());
+  EXPECT_NEAR(effects[0]["mm"].get<double>(), 2.0 * height(mesh) / 100.0, 1e-4);
+}
+
+Json point(const char* solver, double lo, double ms, double hi, Json mm) {
+  return {{"label", solver},    {"solver", solver}, {"mesh_sha256", "m"}, {"tets", 100},
+          {"ms", {lo, ms, hi}}, {"solver_mm", mm},  {"total_mm", mm},     {"failed", ""}};
+}
+
+TEST(Sentences, NameTheCheapestAndClaimADifferenceOnlyWhereIntervalsPart) {
+  Json scene{{"name", "hang"}, {"cost", "ms a frame"}, {"meshes", {{{"tets", 100}}}}};
+  scene["points"] = {point("xpbd", 2.0, 2.1, 2.3, 0.4), point("tled", 2.2, 2.4, 2.5, 0.3),
+                     point("fem", 130, 140, 150, 0.01), point("pbd", 1, 1, 1, nullptr)};
+  const Json all = sentences_of(scene, {0.5, 0.1, 0.05, 0.001});
+  ASSERT_EQ(all.size(), 1u);
+  EXPECT_EQ(
+      all[0],
+      "hang, solver alone on the mesh of 100 tets, ms a frame: 0.5 mm costs 2.1 ms (xpbd), not "
+      "to be told apart from tled (2.4 ms), fem needs 140 ms, no run of pbd gets there; 0.1, "
+      "0.05 mm cost 140 ms (fem), no run of xpbd or tled or pbd gets there; 0.001 mm is not "
+      "reached: 0.01 mm is the least (140 ms, fem).");
+}
+
+TEST(Sentences, DoNotCountWhatFailed) {
+  Json scene{{"name", "hang"}, {"cost", "ms a frame"}, {"meshes", {{{"tets", 100}}}}};
+  scene["points"] = {point("xpbd", 2, 2, 2, 0.1)};
+  scene["points"][0]["failed"] = "diverged";
+  EXPECT_NE(sentences_of(scene, {1.0})[0].get<std::string>().find("1 mm is not reached"),
+            std::string::npos);
+}
+
+TEST_F(Compare, PicturesShowTheBodyAndEqualInputMakesThemEqual) {
+  const TetMesh mesh = sample_mesh(6);
+  ComparedRun red = run("xpbd", 8, 0.0, 1.0, mesh, "m"),
+              blue = run("fem", 8, -40.0, 1.0, mesh, "m");
+  const Image image = overlay_figure({&blue, &red}).image;
+  EXPECT_EQ(image.rgb, overlay_figure({&blue, &red}).image.rgb);
+  int blueish = 0, orange = 0, white = 0;
+  for (std::size_t i = 0; i < image.rgb.size(); i += 3) {
+    const int r = image.rgb[i], g = image.rgb[i + 1], b = image.rgb[i + 2];
+    blueish += b > r + 20;
+    orange += r > 200 && g > 80 && g < 150 && b < 60;
+    white += r == 255 && g == 255 && b == 255;
+  }
+  const int pixels = image.width * image.height;
+  EXPECT_GT(blueish, pixels / 50);
+  EXPECT_GT(orange, 50);
+  EXPECT_GT(white, pixels / 5);
+}
+
+TEST_F(Compare, ThePageAndItsFilesAreWrittenFromRealStageOutputs) {
+  write_sample_run(folder_.path(), {});
+  const fs::path h5 = folder_.path() / "simulate" / "trajectory.h5";
+  const std::string out = (folder_.path() / "out").string();
+  std::vector<std::string> words = {"viscera-compare",
+                                    "--in",
+                                    "trajectory=" + h5.string(),
+                                    "--set",
+                                    "cases=[one]",
+                                    "--set",
+                                    "methods=[one]",
+                                    "--set",
+                                    "grid=[one]",
+                                    "--out",
+                                    out};
+  std::vector<char*> argv;
+  for (auto& word : words) argv.push_back(word.data());
+  ASSERT_EQ(stage_main(static_cast<int>(argv.size()), argv.data(), compare_stage()), 0);
+  for (const char* file : {"compare.html", "study.json", "stiffness.png", "methods.png"}) {
+    EXPECT_TRUE(fs::exists(fs::path(out) / file)) << file;
+  }
+  words[6] = "methods=[two]";
+  argv.clear();
+  for (auto& word : words) argv.push_back(word.data());
+  EXPECT_EQ(stage_main(static_cast<int>(argv.size()), argv.data(), compare_stage()), 3);
+}
+
+}  // namespace
+}  // namespace viscera
