@@ -81,7 +81,9 @@ MeshJob::MeshJob(const StageRun& run) {
                                        .found = "cgal, for tets that Mesh_3 did not make",
                                        .allowed = "own or none with mesher: hxt"});
   }
-  slivers_ = {.perturb_and_exude = improver == "cgal", .angle = run.param<double>("sliver_angle")};
+  options_ = {.perturb_and_exude = improver == "cgal",
+              .sliver_angle = run.param<double>("sliver_angle"),
+              .parallel = run.param<std::string>("mesher") == "parallel"};
   if (labels) take_labels(run);
   if (!by_fields_) take_surface(run);
   take_sizes(run);
@@ -193,7 +195,7 @@ std::vector<Inside> MeshJob::lattice(const Sizing& sizing) const {
   return sites;
 }
 
-TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
+TetMesh MeshJob::refine(double cell_size, const Mesh3Options& options) const {
   Sizing sizing = factors_;
   sizing.cell_size = cell_size;
   sizing.facet_size *= cell_size;
@@ -201,7 +203,7 @@ TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
   if (!by_fields_) {
     const auto interior =
         lattice_ > 0.0 ? surface_->seed_interior(lattice_ * cell_size) : std::vector<Inside>();
-    return surface_->mesh(names_.begin()->first, interior, sizing, slivers);
+    return surface_->mesh(names_.begin()->first, interior, sizing, options);
   }
   double largest = 1.0;
   if (!sizes_.uniform()) {
@@ -210,7 +212,7 @@ TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
     largest = field->largest() / cell_size;
   }
   const auto seeds = seed_interfaces(*fields_, *interfaces_, sizing, largest);
-  return mesh_fields(*fields_, seeds, lattice(sizing), sizing, slivers);
+  return mesh_fields(*fields_, seeds, lattice(sizing), sizing, options);
 }
 
 void MeshJob::assign_labels(TetMesh& mesh) const {
@@ -224,13 +226,13 @@ void MeshJob::assign_labels(TetMesh& mesh) const {
 
 MeshJob::Result MeshJob::mesh(double cell_size) const {
   const auto progress = [](double part) { log::progress("tets", 0.5 + 0.5 * part, "improving"); };
-  return build(cell_size, slivers_,
+  return build(cell_size, options_,
                {.graded = !sizes_.uniform(), .volume = body_volume_, .progress = progress});
 }
 
-MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
+MeshJob::Result MeshJob::build(double cell_size, const Mesh3Options& mesh3,
                                const ImproveOptions& options) const {
-  Result result{.mesh = refine(cell_size, slivers)};
+  Result result{.mesh = refine(cell_size, mesh3)};
   TetMesh& mesh = result.mesh;
   mesh.label_names = names_;
   result.mended = mend_boundary(mesh, bodies_);
@@ -271,8 +273,9 @@ double MeshJob::estimate_memory(double tets) const {
 }
 
 std::size_t MeshJob::calibrate(double cell_size) {
-  const TetMesh trial =
-      build(cell_size, {}, {.rounds = trial_rounds, .graded = !sizes_.uniform()}).mesh;
+  const TetMesh trial = build(cell_size, {.parallel = options_.parallel},
+                              {.rounds = trial_rounds, .graded = !sizes_.uniform()})
+                            .mesh;
   if (!by_fields_) return trial.tets.size();
   std::map<int, double> found;
   for (std::size_t t = 0; t < trial.tets.size(); ++t) {
