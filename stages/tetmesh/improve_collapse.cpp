@@ -37,12 +37,33 @@ int surface_triangles(const Ring& ring) {
   return changes;
 }
 
-// The link condition: what both ends know is just what stands around the edge.
-bool links_agree(const Stars& mesh, const Ring& ring, int gone, int kept) {
-  const auto a = mesh.neighbours(gone), b = mesh.neighbours(kept);
+// Points joined to this one by an edge of the boundary or of an interface, ascending.
+std::vector<int> surface_neighbours(const Stars& mesh, int point) {
+  std::vector<int> found;
+  for (const SurfaceFacet& facet : surface_facets(mesh, point))
+    found.insert(found.end(), facet.ends.begin(), facet.ends.end());
+  std::sort(found.begin(), found.end());
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  return found;
+}
+
+int in_both(const std::vector<int>& a, const std::vector<int>& b) {
   std::vector<int> both;
   std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
-  return both.size() == ring.arcs.size() + (ring.closed ? 0 : 1);
+  return static_cast<int>(both.size());
+}
+
+// The link condition: what both ends know is just what stands around the edge.
+bool links_agree(const Stars& mesh, const Ring& ring, int gone, int kept) {
+  return in_both(mesh.neighbours(gone), mesh.neighbours(kept)) ==
+         static_cast<int>(ring.arcs.size()) + (ring.closed ? 0 : 1);
+}
+
+// The same within the surface: a third point that both ends know by surface edges, but not by a
+// surface triangle on this one, makes a loop around a neck, which would be pinched.
+bool surface_links_agree(const Stars& mesh, const Ring& ring, int gone, int kept) {
+  return in_both(surface_neighbours(mesh, gone), surface_neighbours(mesh, kept)) ==
+         surface_triangles(ring);
 }
 
 bool may_collapse(const Stars& mesh, const Ring& ring, int gone, int kept, double bar) {
@@ -52,6 +73,7 @@ bool may_collapse(const Stars& mesh, const Ring& ring, int gone, int kept, doubl
   if (from.size() > 3 || !mesh.project()) return false;
   return std::includes(onto.begin(), onto.end(), from.begin(), from.end()) &&
          surface_triangles(ring) == static_cast<int>(from.size()) &&
+         surface_links_agree(mesh, ring, gone, kept) &&
          surface_stays(mesh, gone, kept, leeway(bar));
 }
 

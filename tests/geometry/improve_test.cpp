@@ -280,6 +280,30 @@ TEST(Collapse, ANeedleGoesAndTheMaterialsKeepTheirVolumes) {
   expect_sound(mesh);
 }
 
+// A column on a triangle; half way up two points of its rim lie close together.
+TEST(Collapse, AShortEdgeAroundANeckStaysWhereTheBoundaryWouldBePinched) {
+  TetMesh mesh;
+  for (int layer = 0; layer < 3; ++layer)
+    for (const Vec& p : {Vec{0, 0, 0}, Vec{layer == 1 ? 0.1 : 1.0, 0, 0}, Vec{0.1, 1.0, 0}})
+      mesh.points.push_back({p[0], p[1], 0.8 * layer});
+  for (const int b : {0, 3})
+    mesh.tets.insert(mesh.tets.end(), {{b, b + 3, b + 4, b + 5},
+                                       {b, b + 1, b + 4, b + 5},
+                                       {b, b + 1, b + 2, b + 5}});
+  for (std::size_t t : {1u, 4u}) std::swap(mesh.tets[t][2], mesh.tets[t][3]);
+  mesh.labels.assign(6, 1);
+  ASSERT_EQ(inspect(mesh).inverted, 0u);
+  const Projector anywhere = [](const Vec& p, const std::vector<int>&) {
+    return Contact{p, {{0, 0, 1}}};
+  };
+  Stars stars(mesh, anywhere);
+  for (const int gone : {3, 4, 5})
+    for (const int further : {1, 2}) {
+      const int kept = 3 + (gone - 3 + further) % 3;
+      EXPECT_FALSE(collapse_edge(stars, gone, kept)) << gone << " onto " << kept;
+    }
+}
+
 TEST(Improve, ShakenCubesStaySoundKeepTheirShapeAndGetBetter) {
   for (unsigned seed = 1; seed <= 6; ++seed) {
     TetMesh mesh = shaken_cube(6, 0.33, seed);
