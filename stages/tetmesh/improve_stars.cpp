@@ -25,6 +25,9 @@ constexpr double best_altitude = 0.816496580927726;   // sqrt(2/3), over its edg
 // How much more room altitudes get than angles: at equal quality an angle is the first to object,
 // except in needles.
 constexpr double altitude_weight = 1.5;
+// The same for the scaled Jacobian: at 0.07, which needles of passable altitude have, it objects as
+// loudly as an angle of 19 deg.
+constexpr double jacobian_weight = 3.8;
 // A vertex that began farther than this from its surface, in parts of the local size, is no vertex
 // of that surface: it stays where it is. Mesh_3 puts vertices on surfaces, but only near the curves
 // where three materials meet.
@@ -86,10 +89,15 @@ double tet_quality(const Vec& a, const Vec& b, const Vec& c, const Vec& d, doubl
   const Vec cd = sub(d, c);
   const double longest =
       std::sqrt(std::max({dot(u, u), dot(v, v), dot(w, w), dot(bc, bc), dot(bd, bd), dot(cd, cd)}));
+  const double uu = dot(u, u), vv = dot(v, v), ww = dot(w, w), bcbc = dot(bc, bc),
+               bdbd = dot(bd, bd), cdcd = dot(cd, cd);
+  const double widest =
+      std::max({uu * vv * ww, uu * bcbc * bdbd, vv * bcbc * cdcd, ww * bdbd * cdcd});
+  const double jacobian = jacobian_weight * std::numbers::sqrt2 * six_volumes / std::sqrt(widest);
   const double angle = arc_cosine(high) / best_min_angle;
   const double wide = (std::numbers::pi - arc_cosine(low)) / (std::numbers::pi - best_min_angle);
-  return std::min(
-      {angle, wide, altitude_weight * altitude / (best_altitude * std::max(longest, size)), 1.0});
+  return std::min({angle, wide, jacobian,
+                   altitude_weight * altitude / (best_altitude * std::max(longest, size)), 1.0});
 }
 
 Stars::Stars(const TetMesh& mesh, const Projector& project, const ImproveOptions& options)

@@ -132,14 +132,20 @@ bool smooth(Stars& mesh, int point);
 bool collapse_edge(Stars& mesh, int gone, int kept);  // moves `gone` onto `kept`
 bool split_edge(Stars& mesh, int a, int b);  // inside one material; the new point is smoothed first
 
+// Takes the point out onto a neighbour that is too close; no quality falls below `floor`, or below
+// what it is.
+bool thin_out(Stars& mesh, int point, const Thinning& thinning, double floor);
+
 // These raise the mean quality of the tets that they touch, while the worst of them stays above
 // `floor` or does not fall.
 bool settle(Stars& mesh, int point, double floor);
 bool swap_edge(Stars& mesh, int a, int b, double floor);
 
-// Moves the boundary outwards, everywhere alike, as far as the mesh lacks volume (mm3); no quality
-// falls below `floor`, or below what it is.
-void fit_volume(Stars& mesh, double wanted, double floor);
+// Moves the surface of a label (0: the boundary of all) outwards, everywhere alike, as far as the
+// label lacks volume (mm3); no quality falls below `floor`, or below what it is. Of a label's
+// surface that part moves which it shares with the labels `beside`.
+void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double wanted,
+                double floor);
 
 // These take tets from a busy point, as long as the worst quality they touch stays above `floor`:
 // by removing one of its edges, or by a new point beside it that takes over part of its star.

@@ -25,6 +25,7 @@ constexpr double absurd_tets = 20e6;
 // Measured on livers of 10,000 to 1.1 million tets by both routes, as peaks of the whole stage.
 constexpr double program_bytes = 80e6, bytes_per_tet = 650.0, bytes_per_voxel = 12.0;
 constexpr int trial_rounds = 2;  // of improvement: enough to know volumes and the number of tets
+constexpr double closest_points = 0.5;  // of the cell size: closer ones may be thinned out
 constexpr int search_tries = 8;
 constexpr double search_tolerance = 0.03;
 // How far a label may be aimed from its volume to make up for facets that cut its corners.
@@ -224,10 +225,22 @@ void MeshJob::assign_labels(TetMesh& mesh) const {
   }
 }
 
+// Where sizes differ on purpose none is too small.
+std::optional<Thinning> MeshJob::thinning(double cell_size) const {
+  if (!sizes_.uniform()) return std::nullopt;
+  return Thinning{closest_points * std::min(1.0, factors_.facet_size) * cell_size,
+                  factors_.facet_distance * cell_size};
+}
+
 MeshJob::Result MeshJob::mesh(double cell_size) const {
   const auto progress = [](double part) { log::progress("tets", 0.5 + 0.5 * part, "improving"); };
+  std::map<int, double> volumes{{body_label, body_volume_}};
+  if (by_fields_) volumes.insert(label_volumes_.begin(), label_volumes_.end());
   return build(cell_size, options_,
-               {.graded = !sizes_.uniform(), .volume = body_volume_, .progress = progress});
+               {.graded = !sizes_.uniform(),
+                .thinning = thinning(cell_size),
+                .volumes = volumes,
+                .progress = progress});
 }
 
 MeshJob::Result MeshJob::build(double cell_size, const Mesh3Options& mesh3,
@@ -273,9 +286,10 @@ double MeshJob::estimate_memory(double tets) const {
 }
 
 std::size_t MeshJob::calibrate(double cell_size) {
-  const TetMesh trial = build(cell_size, {.parallel = options_.parallel},
-                              {.rounds = trial_rounds, .graded = !sizes_.uniform()})
-                            .mesh;
+  const TetMesh trial =
+      build(cell_size, {.parallel = options_.parallel},
+            {.rounds = trial_rounds, .graded = !sizes_.uniform(), .thinning = thinning(cell_size)})
+          .mesh;
   if (!by_fields_) return trial.tets.size();
   std::map<int, double> found;
   for (std::size_t t = 0; t < trial.tets.size(); ++t) {

@@ -67,6 +67,7 @@ class MeshJob {
   void take_sizes(const StageRun& run);
 
   Result build(double cell_size, const Mesh3Options& mesh3, const ImproveOptions& options) const;
+  std::optional<Thinning> thinning(double cell_size) const;
   std::vector<Inside> lattice(const Sizing& sizing) const;
   TetMesh refine(double cell_size, const Mesh3Options& options) const;
   void assign_labels(TetMesh& mesh) const;

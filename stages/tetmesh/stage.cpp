@@ -127,7 +127,8 @@ Json mended_json(const Mended& mended) {
 }
 
 Json improved_json(const Improved& improved) {
-  return {{"edges_removed", improved.edges_removed},
+  return {{"thinned", improved.thinned},
+          {"edges_removed", improved.edges_removed},
           {"faces_flipped", improved.faces_flipped},
           {"moves", improved.moves},
           {"collapses", improved.collapses},
@@ -323,7 +324,7 @@ Stage tetmesh_stage() {
   Stage stage;
   stage.info = {
       .name = "tetmesh",
-      .version = "4",
+      .version = "5",
       .doc = "Labels or a surface to a conforming tetrahedral mesh with its quality.",
       .inputs = {{.role = "labels", .required = false, .doc = "labels.nrrd of viscera-labels"},
                  {.role = "surface",

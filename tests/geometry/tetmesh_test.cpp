@@ -142,7 +142,7 @@ TEST_F(Tetmesh, TwoMaterialsShareTheirInterfaceAndKeepTheirVolumes) {
   const auto quality = testing::read_json(out() / "quality.json");
   EXPECT_LT(std::abs(quality["volume"]["volume_error"].get<double>()), 0.01);
   for (const auto& label : quality["volume"]["labels"])
-    EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.03) << label;
+    EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.003) << label;
   EXPECT_GT(quality["measures"]["dihedral_min"]["min"].get<double>(), 15.0);
 }
 
