@@ -23,6 +23,14 @@ struct Ring {
   bool closed = false;    // else the edge is on the boundary
 };
 
+// Tets side by side, judged in one go.
+struct TetLanes {
+  static constexpr int count = 24;
+  alignas(64) double corner[4][3][count];
+  alignas(64) double size[count], quality[count];
+};
+void judge(TetLanes& lanes, int filled);  // sets `quality` of the first so many
+
 // The qualities around a point at another place, in the order of its star. For one point.
 struct Trial {
   std::vector<double> quality;
@@ -49,6 +57,7 @@ class Stars {
   // Quality of a tet that may not exist, and of one whose corner `point` were at `place`.
   double quality_of(const Tet& tet) const;
   double quality_at(const Tet& tet, int point, const Vec& place) const;
+  void fill(TetLanes& lanes, int lane, int tet, int point, const Vec& place) const;
   double worst(const std::vector<int>& tets) const;
   double mean(const std::vector<int>& tets) const;
 

@@ -74,6 +74,19 @@ TEST(TetQualityOfTheImprover, IsOneForARegularTetAndFallsForEveryKindOfBadOne) {
   EXPECT_LT(tet_quality(a, b, c, d, 20.0 * edge), 0.1);  // well shaped, but far too small
 }
 
+TEST(TetQualityOfTheImprover, IsTheSameToTheLastBitForOneTetAndForManyAtOnce) {
+  const TetMesh mesh = shaken_cube(3, 0.6, 5);  // some of them inverted
+  const Projector none;
+  const Stars stars(mesh, none);
+  for (int filled = 1; filled <= TetLanes::count; ++filled) {
+    TetLanes lanes;
+    for (int n = 0; n < filled; ++n)
+      stars.fill(lanes, n, 3 * n, mesh.tets[3 * n][1], mesh.points[mesh.tets[3 * n][1]]);
+    judge(lanes, filled);
+    for (int n = 0; n < filled; ++n) EXPECT_EQ(lanes.quality[n], stars.quality(3 * n)) << n;
+  }
+}
+
 TEST(EdgeRemoval, ARingGetsItsBestTriangulationAndKeepsItsVolume) {
   for (int n = 3; n <= 8; ++n) {
     TetMesh mesh = ring_of(n, 1.6);
