@@ -1,24 +1,19 @@
 #include "stages/tetmesh/distance.hpp"
 
-#include <CGAL/AABB_traits.h>
-#include <CGAL/AABB_tree.h>
-#include <CGAL/AABB_triangle_primitive.h>
-#include <CGAL/Simple_cartesian.h>
-
 #include <algorithm>
 #include <cmath>
 
 #include "pipeline/contract/log.hpp"
 #include "stages/tetmesh/topology.hpp"
+#include "stages/tetmesh/triangle_tree.hpp"
 #include "stages/tetmesh/vec.hpp"
 
 namespace viscera {
 namespace {
 
-using Kernel = CGAL::Simple_cartesian<double>;
-using Triangles = std::vector<Kernel::Triangle_3>;
-using Primitive = CGAL::AABB_triangle_primitive<Kernel, Triangles::const_iterator>;
-using Tree = CGAL::AABB_tree<CGAL::AABB_traits<Kernel, Primitive>>;
+using triangle_tree::Kernel;
+using triangle_tree::Tree;
+using triangle_tree::Triangles;
 
 constexpr int most_parts = 32;  // of an edge
 

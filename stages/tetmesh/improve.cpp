@@ -19,8 +19,15 @@ constexpr double late_goal = 0.8;  // as a part of the goal
 // Raising the mean: tets below `fair` have their edges swapped, points whose tets are better than
 // `good` on average (those of the inner lattice are) stay where they are.
 constexpr double fair = 0.7, good = 0.8;
-constexpr int swapping_sweeps = 2, settling_sweeps = 5, sharing_sweep = 2;
-constexpr int last_rounds = 4;
+constexpr int swapping_sweeps = 3, settling_sweeps = 5, sharing_sweep = 2;
+constexpr int last_rounds = 12;
+
+constexpr int thinning_sweeps = 3;
+constexpr double thinning_floor = 0.2;
+
+// What busy points lose tets for may be a little worse than `poor`: 18 deg.
+constexpr double sharing_floor = 0.26;
+constexpr int sharing_rounds = 3;  // one point's relief may be another's chance
 
 class Improver {
  public:
@@ -29,6 +36,7 @@ class Improver {
 
   Improved run() {
     result_.worst_before = worst();
+    if (options_.thinning) thin_out_all();
     settle_all();
     smooth_all();
     for (int round = 0; round < options_.rounds; ++round) {
@@ -44,7 +52,7 @@ class Improver {
     if (options_.progress) options_.progress(0.8);
     raise_mean();
     last_resort();
-    if (options_.volume && mesh_.project()) fit_volume(mesh_, *options_.volume, options_.poor);
+    if (mesh_.project()) fit_volumes();
     result_.worst_after = worst();
     return result_;
   }
@@ -64,6 +72,19 @@ class Improver {
   double worst() const {
     const auto bad = bad_tets();
     return bad.empty() ? goal_ : mesh_.quality(bad.front());
+  }
+
+  // Near curves where materials meet, and in wedges between them, refinement ends far below the
+  // size that was asked for: what the surfaces do not need is taken out again.
+  void thin_out_all() {
+    std::size_t gone = 1;
+    for (int sweep = 0; sweep < thinning_sweeps && gone > 0; ++sweep) {
+      gone = 0;
+      for (std::size_t p = 0; p < mesh_.points().size(); ++p)
+        gone += !mesh_.star(static_cast<int>(p)).empty() &&
+                thin_out(mesh_, static_cast<int>(p), *options_.thinning, thinning_floor);
+      result_.thinned += gone;
+    }
   }
 
   void smooth_all() {
@@ -158,11 +179,13 @@ class Improver {
   // What is left after that gets a neighbour which takes part of its tets. None of this may make
   // the mesh worse than its worst tet is.
   void share_busy() {
-    const double floor = std::min(options_.poor, worst());
-    relieve_busy(floor);
-    for (std::size_t p = 0; p < mesh_.points().size(); ++p)
-      while (mesh_.is_busy(static_cast<int>(p)) && share_star(mesh_, static_cast<int>(p), floor))
-        ++result_.shared;
+    const double floor = std::min(sharing_floor, worst());
+    for (int round = 0; round < sharing_rounds; ++round) {
+      relieve_busy(floor);
+      for (std::size_t p = 0; p < mesh_.points().size(); ++p)
+        while (mesh_.is_busy(static_cast<int>(p)) && share_star(mesh_, static_cast<int>(p), floor))
+          ++result_.shared;
+    }
   }
 
   // The worst tets decide the time step, the others the accuracy: once nothing more is gained for
@@ -182,6 +205,23 @@ class Improver {
     for (int round = 0; round < last_rounds && work_on_worst(); ++round) settle_all();
     share_busy();
     goal_ = options_.goal;
+  }
+
+  // The whole first, then labels from small to large, each at the cost of larger ones: the largest
+  // receives what is left.
+  void fit_volumes() {
+    std::vector<std::pair<double, int>> by_size;
+    for (const auto& [label, volume] : options_.volumes)
+      if (label != 0) by_size.push_back({volume, label});
+    std::sort(by_size.begin(), by_size.end());
+    std::vector<int> larger;
+    for (const auto& [volume, label] : by_size) larger.push_back(label);
+    if (const auto whole = options_.volumes.find(0); whole != options_.volumes.end())
+      fit_volume(mesh_, 0, {}, whole->second, options_.poor);
+    for (const auto& [volume, label] : by_size) {
+      larger.erase(larger.begin());
+      fit_volume(mesh_, label, larger, volume, options_.poor);
+    }
   }
 
   void swap_edges() {

@@ -9,10 +9,17 @@
 // of the worst tet around a vertex, and edges removed by the best triangulation of their ring.
 #pragma once
 
+#include <map>
+
 #include "stages/common/tet_mesh.hpp"
 #include "stages/tetmesh/projector.hpp"
 
 namespace viscera {
+
+struct Thinning {
+  double closest = 0.0;         // mm; of two points closer than this one may go
+  double facet_distance = 0.0;  // mm, from a facet to its surface that this may cost
+};
 
 struct ImproveOptions {
   double goal = 0.38;   // tets of lower quality (see tet_quality) are worked on; 1 is a regular tet
@@ -20,12 +27,14 @@ struct ImproveOptions {
   int rounds = 16;      // at most
   bool graded = false;  // sizes differ on purpose: small tets among large ones are no fault
   int valence = 40;     // tets around a vertex that should not be exceeded
-  std::optional<double> volume = {};          // mm3 that the whole shall have in the end
+  std::optional<Thinning> thinning = {};
+  std::map<int, double> volumes = {};  // mm3 that labels (0: all of them) shall have in the end
   std::function<void(double)> progress = {};  // called with the part of the work that is done
 };
 
 struct Improved {
-  std::size_t edges_removed = 0, faces_flipped = 0, moves = 0, collapses = 0, splits = 0,
+  std::size_t thinned = 0, edges_removed = 0, faces_flipped = 0, moves = 0, collapses = 0,
+              splits = 0,
               shared = 0;                        // busy points that got a neighbour to take tets
   double worst_before = 0.0, worst_after = 0.0;  // quality
 };

@@ -9,6 +9,7 @@ namespace viscera {
 namespace {
 
 constexpr double gain = 1e-9;
+constexpr double thinning_cosine = 0.8;  // between the normals of a facet before and after
 
 // Every surface triangle at `gone` that lives on keeps its direction and its distance.
 bool surface_stays(const Stars& mesh, int gone, int kept, const Leeway& allowed) {
@@ -37,28 +38,47 @@ int surface_triangles(const Ring& ring) {
   return changes;
 }
 
-// The link condition: what both ends know is just what stands around the edge.
-bool links_agree(const Stars& mesh, const Ring& ring, int gone, int kept) {
-  const auto a = mesh.neighbours(gone), b = mesh.neighbours(kept);
-  std::vector<int> both;
-  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
-  return both.size() == ring.arcs.size() + (ring.closed ? 0 : 1);
+// Points joined to this one by an edge of the boundary or of an interface, ascending.
+std::vector<int> surface_neighbours(const Stars& mesh, int point) {
+  std::vector<int> found;
+  for (const SurfaceFacet& facet : surface_facets(mesh, point))
+    found.insert(found.end(), facet.ends.begin(), facet.ends.end());
+  std::sort(found.begin(), found.end());
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  return found;
 }
 
-bool may_collapse(const Stars& mesh, const Ring& ring, int gone, int kept, double bar) {
+int in_both(const std::vector<int>& a, const std::vector<int>& b) {
+  std::vector<int> both;
+  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
+  return static_cast<int>(both.size());
+}
+
+// The link condition: what both ends know is just what stands around the edge.
+bool links_agree(const Stars& mesh, const Ring& ring, int gone, int kept) {
+  return in_both(mesh.neighbours(gone), mesh.neighbours(kept)) ==
+         static_cast<int>(ring.arcs.size()) + (ring.closed ? 0 : 1);
+}
+
+// The same within the surface: a third point that both ends know by surface edges, but not by a
+// surface triangle on this one, makes a loop around a neck, which would be pinched.
+bool surface_links_agree(const Stars& mesh, const Ring& ring, int gone, int kept) {
+  return in_both(surface_neighbours(mesh, gone), surface_neighbours(mesh, kept)) ==
+         surface_triangles(ring);
+}
+
+bool may_collapse(const Stars& mesh, const Ring& ring, int gone, int kept, const Leeway& allowed) {
   if (ring.arcs.empty() || !links_agree(mesh, ring, gone, kept)) return false;
   const auto from = mesh.labels_at(gone), onto = mesh.labels_at(kept);
   if (from.size() < 2) return true;
   if (from.size() > 3 || !mesh.project()) return false;
   return std::includes(onto.begin(), onto.end(), from.begin(), from.end()) &&
          surface_triangles(ring) == static_cast<int>(from.size()) &&
-         surface_stays(mesh, gone, kept, leeway(bar));
+         surface_links_agree(mesh, ring, gone, kept) && surface_stays(mesh, gone, kept, allowed);
 }
 
-}  // namespace
-
-bool collapse_edge(Stars& mesh, int gone, int kept) {
-  const double bar = std::max(mesh.worst(mesh.star(gone)), 0.0) + gain;
+// Moves `gone` onto `kept` where all that is left of its tets is better than `bar`.
+bool collapse_above(Stars& mesh, int gone, int kept, double bar, const Leeway& allowed) {
   std::vector<std::pair<Tet, int>> fresh;
   for (const int t : mesh.star(gone)) {
     Tet tet = mesh.tets()[t];
@@ -69,9 +89,31 @@ bool collapse_edge(Stars& mesh, int gone, int kept) {
   }
   if (bar > crowding_bar && mesh.crowds(mesh.star(gone), fresh)) return false;
   const Ring ring = mesh.ring(gone, kept);
-  if (fresh.empty() || !may_collapse(mesh, ring, gone, kept, bar)) return false;
+  if (fresh.empty() || !may_collapse(mesh, ring, gone, kept, allowed)) return false;
   mesh.replace(std::vector<int>(mesh.star(gone)), fresh);
   return true;
+}
+
+}  // namespace
+
+bool collapse_edge(Stars& mesh, int gone, int kept) {
+  const double bar = std::max(mesh.worst(mesh.star(gone)), 0.0) + gain;
+  return collapse_above(mesh, gone, kept, bar, leeway(bar));
+}
+
+bool thin_out(Stars& mesh, int point, const Thinning& thinning, double floor) {
+  std::vector<std::pair<double, int>> near;
+  for (const int other : mesh.neighbours(point)) {
+    const double length = norm(sub(mesh.points()[other], mesh.points()[point]));
+    if (length < thinning.closest) near.push_back({length, other});
+  }
+  if (near.empty()) return false;
+  std::sort(near.begin(), near.end());
+  const double bar = std::max(std::min(mesh.worst(mesh.star(point)), floor), 0.0) + gain;
+  const Leeway allowed{thinning_cosine, thinning.facet_distance / mesh.size(point)};
+  return std::any_of(near.begin(), near.end(), [&](const auto& edge) {
+    return collapse_above(mesh, point, edge.second, bar, allowed);
+  });
 }
 
 bool split_edge(Stars& mesh, int a, int b) {

@@ -223,13 +223,8 @@ bool relieve(Stars& mesh, int point, double floor) {
   for (const int neighbour : mesh.neighbours(point)) {
     const Ring ring = mesh.ring(point, neighbour);
     const auto old = tets_of(ring);
-    // Its other end and the ring must not become as busy as this point is.
-    const bool busy = std::any_of(ring.arcs.begin(), ring.arcs.end(), [&](const Arc& arc) {
-      return mesh.star(arc.from).size() + 6 > mesh.star(point).size();
-    });
-    if (busy) continue;
     auto filling = without_edge(mesh, point, neighbour, ring, best);
-    if (!filling || filling->worst == no_quality) continue;
+    if (!filling || filling->worst == no_quality || mesh.crowds(old, filling->tets)) continue;
     best = filling->worst;
     best_ring = ring;
     best_filling = std::move(filling);

@@ -16,7 +16,7 @@ constexpr double steps[] = {0.2, 0.35, 0.5};  // from the busy point, of the loc
 constexpr double openings[] = {-0.2, 0.0, 0.2,
                                0.4};     // cosine of the cone that holds the emptied tets
 constexpr std::size_t most_tried = 48;   // ways of sharing
-constexpr std::size_t least_relief = 4;  // tets that the busy point must lose
+constexpr std::size_t least_relief = 2;  // tets that the busy point must lose
 
 struct Part {
   std::vector<int> old;  // tets to empty

@@ -21,17 +21,42 @@ constexpr double smallest_gain = 1e-4;
 constexpr double settling = 0.09, longest_settling = 0.2;
 constexpr int settling_trials = 4;
 
-// Forward differences; the step is far above rounding and far below the size of a tet.
-Vec gradient(const Stars& mesh, int tet, int point, const Vec& place) {
-  const double step = 1e-5 * mesh.size(point), here = mesh.quality(tet);
-  Vec slope;
-  for (int a = 0; a < 3; ++a) {
-    Vec beside = place;
-    beside[a] += step;
-    slope[a] = (mesh.quality_at(mesh.tets()[tet], point, beside) - here) / step;
+// Of tets' qualities by the place of a point: forward differences; the step is
+// far above rounding and far below the size of a tet.
+class Gradients {
+ public:
+  Gradients(const Stars& mesh, int point) : mesh_(mesh), point_(point) {}
+
+  void add(int tet) { tets_.push_back(tet); }
+
+  // In the order of addition.
+  template <class Visit>
+  void visit(Visit visit) const {
+    constexpr std::size_t together = TetLanes::count / 3;
+    const Vec& place = mesh_.points()[point_];
+    const double step = 1e-5 * mesh_.size(point_);
+    TetLanes lanes;
+    for (std::size_t first = 0; first < tets_.size(); first += together) {
+      const std::size_t here = std::min(together, tets_.size() - first);
+      for (std::size_t n = 0; n < 3 * here; ++n) {
+        Vec beside = place;
+        beside[n % 3] += step;
+        mesh_.fill(lanes, static_cast<int>(n), tets_[first + n / 3], point_, beside);
+      }
+      judge(lanes, static_cast<int>(3 * here));
+      for (std::size_t n = 0; n < here; ++n) {
+        const double now = mesh_.quality(tets_[first + n]);
+        const double* q = &lanes.quality[3 * n];
+        visit(Vec{(q[0] - now) / step, (q[1] - now) / step, (q[2] - now) / step});
+      }
+    }
   }
-  return slope;
-}
+
+ private:
+  const Stars& mesh_;
+  const int point_;
+  std::vector<int> tets_;
+};
 
 // Gilbert's iteration; a few steps give the direction well enough.
 Vec nearest_to_origin(const std::vector<Vec>& hull) {
@@ -59,10 +84,11 @@ Vec along(Vec direction, const std::vector<Vec>& normals) {
 }
 
 Vec ascent(const Stars& mesh, int point, double worst, const std::vector<Vec>& normals) {
-  std::vector<Vec> slopes;
+  Gradients gradients(mesh, point);
   for (const int t : mesh.star(point))
-    if (mesh.quality(t) <= worst + nearly_worst)
-      slopes.push_back(along(gradient(mesh, t, point, mesh.points()[point]), normals));
+    if (mesh.quality(t) <= worst + nearly_worst) gradients.add(t);
+  std::vector<Vec> slopes;
+  gradients.visit([&](const Vec& slope) { slopes.push_back(along(slope, normals)); });
   return nearest_to_origin(slopes);
 }
 
@@ -129,8 +155,9 @@ bool settle(Stars& mesh, int point, double floor) {
   const double tets = static_cast<double>(star.size()), size = mesh.size(point);
   const double bar = std::min(mesh.worst(star), floor), sum = tets * mesh.mean(star);
   Vec direction{};
-  for (const int t : star)
-    direction = add(direction, gradient(mesh, t, point, mesh.points()[point]));
+  Gradients gradients(mesh, point);
+  for (const int t : star) gradients.add(t);
+  gradients.visit([&](const Vec& slope) { direction = add(direction, slope); });
   direction = along(direction, freedom.normals());
   const double slope = norm(direction);
   if (!(slope * size > 1e-3 * tets)) return false;

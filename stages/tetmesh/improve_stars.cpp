@@ -1,7 +1,6 @@
 #include "stages/tetmesh/improve_stars.hpp"
 
 #include <algorithm>
-#include <numbers>
 #include <numeric>
 
 #include "stages/tetmesh/topology.hpp"
@@ -9,22 +8,7 @@
 namespace viscera {
 namespace {
 
-// To 2e-8 (Abramowitz and Stegun 4.4.46): a third of the library's time, which the improver feels.
-double arc_cosine(double x) {
-  constexpr std::array<double, 8> c{1.5707963050, -0.2145988016, 0.0889789874, -0.0501743046,
-                                    0.0308918810, -0.0170881256, 0.0066700901, -0.0012624911};
-  const double y = std::min(std::abs(x), 1.0);
-  double sum = 0.0;
-  for (int i = 7; i >= 0; --i) sum = sum * y + c[i];
-  const double angle = std::sqrt(1.0 - y) * sum;
-  return x < 0.0 ? std::numbers::pi - angle : angle;
-}
-
-const double best_min_angle = arc_cosine(1.0 / 3.0);  // of a regular tet, 70.5 deg
-constexpr double best_altitude = 0.816496580927726;   // sqrt(2/3), over its edge
-// How much more room altitudes get than angles: at equal quality an angle is the first to object,
-// except in needles.
-constexpr double altitude_weight = 1.5;
+constexpr std::size_t abreast = 8;  // tets that are judged before one is asked whether it objects
 // A vertex that began farther than this from its surface, in parts of the local size, is no vertex
 // of that surface: it stays where it is. Mesh_3 puts vertices on surfaces, but only near the curves
 // where three materials meet.
@@ -66,31 +50,6 @@ std::vector<double> local_sizes(const TetMesh& mesh, double least) {
 }
 
 }  // namespace
-
-double tet_quality(const Vec& a, const Vec& b, const Vec& c, const Vec& d, double size) {
-  const Vec u = sub(b, a), v = sub(c, a), w = sub(d, a), bc = sub(c, b), bd = sub(d, b);
-  const std::array<Vec, 4> normal{cross(bc, bd), cross(w, v), cross(u, w), cross(v, u)};
-  const double six_volumes = -dot(w, normal[3]);
-  if (!(six_volumes > 0.0)) return std::min(six_volumes / (size * size * size), 0.0);
-  std::array<double, 4> square, inverse;
-  for (int i = 0; i < 4; ++i) square[i] = dot(normal[i], normal[i]);
-  for (int i = 0; i < 4; ++i) inverse[i] = 1.0 / std::sqrt(square[i]);
-  double low = 1.0, high = -1.0;  // cosines of the dihedral angles
-  for (int i = 0; i < 4; ++i)
-    for (int j = i + 1; j < 4; ++j) {
-      const double cosine = -dot(normal[i], normal[j]) * inverse[i] * inverse[j];
-      low = std::min(low, cosine);
-      high = std::max(high, cosine);
-    }
-  const double altitude = six_volumes * *std::min_element(inverse.begin(), inverse.end());
-  const Vec cd = sub(d, c);
-  const double longest =
-      std::sqrt(std::max({dot(u, u), dot(v, v), dot(w, w), dot(bc, bc), dot(bd, bd), dot(cd, cd)}));
-  const double angle = arc_cosine(high) / best_min_angle;
-  const double wide = (std::numbers::pi - arc_cosine(low)) / (std::numbers::pi - best_min_angle);
-  return std::min(
-      {angle, wide, altitude_weight * altitude / (best_altitude * std::max(longest, size)), 1.0});
-}
 
 Stars::Stars(const TetMesh& mesh, const Projector& project, const ImproveOptions& options)
     : points_(mesh.points),
@@ -149,6 +108,15 @@ double Stars::quality_at(const Tet& t, int point, const Vec& place) const {
     return t[corner] == point ? place : points_[t[corner]];
   };
   return tet_quality(at(0), at(1), at(2), at(3), size);
+}
+
+void Stars::fill(TetLanes& lanes, int lane, int tet, int point, const Vec& place) const {
+  const Tet& t = tets_[tet];
+  lanes.size[lane] = 0.25 * (sizes_[t[0]] + sizes_[t[1]] + sizes_[t[2]] + sizes_[t[3]]);
+  for (int corner = 0; corner < 4; ++corner) {
+    const Vec& p = t[corner] == point ? place : points_[t[corner]];
+    for (int axis = 0; axis < 3; ++axis) lanes.corner[corner][axis][lane] = p[axis];
+  }
 }
 
 double Stars::worst(const std::vector<int>& tets) const {
@@ -270,13 +238,22 @@ void Stars::drop_last_point() {
 bool Stars::try_at(int point, const Vec& place, double bar, Trial& trial) const {
   const auto& star = stars_[point];
   trial.quality.resize(star.size());
-  for (std::size_t n = 0; n < star.size(); ++n) {
-    // The tet that objected last time speaks first.
-    const std::size_t i = n == 0 ? trial.objector : n == trial.objector ? 0 : n;
-    trial.quality[i] = quality_at(tets_[star[i]], point, place);
-    if (trial.quality[i] >= bar) continue;
-    trial.objector = i;
-    return false;
+  // The tet that objected last time speaks first, alone.
+  const auto at = [&](std::size_t n) {
+    return n == 0 ? trial.objector : n == trial.objector ? 0 : n;
+  };
+  TetLanes lanes;
+  for (std::size_t first = 0, next = 1; first < star.size(); first = next, next += abreast) {
+    next = std::min(next, star.size());
+    const int filled = static_cast<int>(next - first);
+    for (int n = 0; n < filled; ++n) fill(lanes, n, star[at(first + n)], point, place);
+    judge(lanes, filled);
+    for (int n = 0; n < filled; ++n) {
+      trial.quality[at(first + n)] = lanes.quality[n];
+      if (lanes.quality[n] >= bar) continue;
+      trial.objector = at(first + n);
+      return false;
+    }
   }
   return true;
 }

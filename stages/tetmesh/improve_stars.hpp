@@ -23,6 +23,14 @@ struct Ring {
   bool closed = false;    // else the edge is on the boundary
 };
 
+// Tets side by side, judged in one go.
+struct TetLanes {
+  static constexpr int count = 24;
+  alignas(64) double corner[4][3][count];
+  alignas(64) double size[count], quality[count];
+};
+void judge(TetLanes& lanes, int filled);  // sets `quality` of the first so many
+
 // The qualities around a point at another place, in the order of its star. For one point.
 struct Trial {
   std::vector<double> quality;
@@ -49,6 +57,7 @@ class Stars {
   // Quality of a tet that may not exist, and of one whose corner `point` were at `place`.
   double quality_of(const Tet& tet) const;
   double quality_at(const Tet& tet, int point, const Vec& place) const;
+  void fill(TetLanes& lanes, int lane, int tet, int point, const Vec& place) const;
   double worst(const std::vector<int>& tets) const;
   double mean(const std::vector<int>& tets) const;
 
@@ -132,14 +141,20 @@ bool smooth(Stars& mesh, int point);
 bool collapse_edge(Stars& mesh, int gone, int kept);  // moves `gone` onto `kept`
 bool split_edge(Stars& mesh, int a, int b);  // inside one material; the new point is smoothed first
 
+// Takes the point out onto a neighbour that is too close; no quality falls below `floor`, or below
+// what it is.
+bool thin_out(Stars& mesh, int point, const Thinning& thinning, double floor);
+
 // These raise the mean quality of the tets that they touch, while the worst of them stays above
 // `floor` or does not fall.
 bool settle(Stars& mesh, int point, double floor);
 bool swap_edge(Stars& mesh, int a, int b, double floor);
 
-// Moves the boundary outwards, everywhere alike, as far as the mesh lacks volume (mm3); no quality
-// falls below `floor`, or below what it is.
-void fit_volume(Stars& mesh, double wanted, double floor);
+// Moves the surface of a label (0: the boundary of all) outwards, everywhere alike, as far as the
+// label lacks volume (mm3); no quality falls below `floor`, or below what it is. Of a label's
+// surface that part moves which it shares with the labels `beside`.
+void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double wanted,
+                double floor);
 
 // These take tets from a busy point, as long as the worst quality they touch stays above `floor`:
 // by removing one of its edges, or by a new point beside it that takes over part of its star.

@@ -59,36 +59,47 @@ std::vector<SurfaceFacet> surface_facets(const Stars& mesh, int point) {
 }
 
 // Facets cut the corners of a curved surface. The volume that this costs, spread evenly over the
-// boundary, is far less than its distance from the facets.
-void fit_volume(Stars& mesh, double wanted, double floor) {
+// surface, is far less than its distance from the facets.
+void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double wanted,
+                double floor) {
+  const auto& p = mesh.points();
   double volume = 0.0, area = 0.0;
   for (std::size_t t = 0; t < mesh.tets().size(); ++t) {
-    if (!mesh.alive(static_cast<int>(t))) continue;
+    const int tet = static_cast<int>(t);
+    if (!mesh.alive(tet) || (label != 0 && mesh.label(tet) != label)) continue;
     const auto& [a, b, c, d] = mesh.tets()[t];
-    const auto& p = mesh.points();
     volume += dot(sub(p[b], p[a]), cross(sub(p[c], p[a]), sub(p[d], p[a]))) / 6.0;
   }
-  std::vector<int> boundary;
-  for (std::size_t i = 0; i < mesh.points().size(); ++i) {
+  const auto counts = [&](int other) {
+    return std::find(beside.begin(), beside.end(), other) != beside.end();
+  };
+  const auto fits = [&](int a, int b) {
+    return label == 0 ? a == 0 : (a == label && counts(b)) || (b == label && counts(a));
+  };
+  std::vector<int> moving;
+  for (std::size_t i = 0; i < p.size(); ++i) {
     const int point = static_cast<int>(i);
-    if (!mesh.on_boundary(point) || mesh.star(point).empty()) continue;
-    boundary.push_back(point);
-    for (const SurfaceFacet& facet : surface_facets(mesh, point)) {
-      if (facet.labels[0] != 0) continue;
-      const Vec& p = mesh.points()[point];
-      area +=
-          norm(cross(sub(mesh.points()[facet.ends[0]], p), sub(mesh.points()[facet.ends[1]], p))) /
-          6.0;  // a third of it
-    }
+    if (mesh.star(point).empty() || (label == 0 && !mesh.on_boundary(point))) continue;
+    double around = 0.0;
+    for (const SurfaceFacet& facet : surface_facets(mesh, point))
+      if (fits(facet.labels[0], facet.labels[1]))
+        around += norm(cross(sub(p[facet.ends[0]], p[i]), sub(p[facet.ends[1]], p[i]))) / 6.0;
+    if (around > 0.0) moving.push_back(point);
+    area += around;  // a third of each facet
   }
+  if (moving.empty()) return;
   const double outward = (wanted - volume) / area;
   Trial trial;
-  for (const int point : boundary) {
-    const auto contact = mesh.project()(mesh.points()[point], mesh.labels_at(point));
+  for (const int point : moving) {
+    const auto labels = mesh.labels_at(point);
+    if (label != 0 && labels.size() > 2) continue;
+    const auto contact = mesh.project()(p[point], labels);
     if (!contact || !mesh.movable(point)) continue;
+    // Normals point to the lower one of two labels.
+    const double most = most_offset * mesh.size(point);
     const double way =
-        std::clamp(outward, -most_offset * mesh.size(point), most_offset * mesh.size(point));
-    const Vec place = add(mesh.points()[point], scale(way, contact->normals[0]));
+        std::clamp(label == 0 || label == labels.back() ? outward : -outward, -most, most);
+    const Vec place = add(p[point], scale(way, contact->normals[0]));
     trial.objector = 0;
     if (mesh.try_at(point, place, std::min(mesh.worst(mesh.star(point)), floor), trial))
       mesh.move(point, place, trial);

@@ -25,6 +25,7 @@ constexpr double absurd_tets = 20e6;
 // Measured on livers of 10,000 to 1.1 million tets by both routes, as peaks of the whole stage.
 constexpr double program_bytes = 80e6, bytes_per_tet = 650.0, bytes_per_voxel = 12.0;
 constexpr int trial_rounds = 2;  // of improvement: enough to know volumes and the number of tets
+constexpr double closest_points = 0.5;  // of the cell size: closer ones may be thinned out
 constexpr int search_tries = 8;
 constexpr double search_tolerance = 0.03;
 // How far a label may be aimed from its volume to make up for facets that cut its corners.
@@ -81,7 +82,9 @@ MeshJob::MeshJob(const StageRun& run) {
                                        .found = "cgal, for tets that Mesh_3 did not make",
                                        .allowed = "own or none with mesher: hxt"});
   }
-  slivers_ = {.perturb_and_exude = improver == "cgal", .angle = run.param<double>("sliver_angle")};
+  options_ = {.perturb_and_exude = improver == "cgal",
+              .sliver_angle = run.param<double>("sliver_angle"),
+              .parallel = run.param<std::string>("mesher") == "parallel"};
   if (labels) take_labels(run);
   if (!by_fields_) take_surface(run);
   take_sizes(run);
@@ -193,7 +196,7 @@ std::vector<Inside> MeshJob::lattice(const Sizing& sizing) const {
   return sites;
 }
 
-TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
+TetMesh MeshJob::refine(double cell_size, const Mesh3Options& options) const {
   Sizing sizing = factors_;
   sizing.cell_size = cell_size;
   sizing.facet_size *= cell_size;
@@ -201,7 +204,7 @@ TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
   if (!by_fields_) {
     const auto interior =
         lattice_ > 0.0 ? surface_->seed_interior(lattice_ * cell_size) : std::vector<Inside>();
-    return surface_->mesh(names_.begin()->first, interior, sizing, slivers);
+    return surface_->mesh(names_.begin()->first, interior, sizing, options);
   }
   double largest = 1.0;
   if (!sizes_.uniform()) {
@@ -210,7 +213,7 @@ TetMesh MeshJob::refine(double cell_size, const Slivers& slivers) const {
     largest = field->largest() / cell_size;
   }
   const auto seeds = seed_interfaces(*fields_, *interfaces_, sizing, largest);
-  return mesh_fields(*fields_, seeds, lattice(sizing), sizing, slivers);
+  return mesh_fields(*fields_, seeds, lattice(sizing), sizing, options);
 }
 
 void MeshJob::assign_labels(TetMesh& mesh) const {
@@ -222,15 +225,27 @@ void MeshJob::assign_labels(TetMesh& mesh) const {
   }
 }
 
-MeshJob::Result MeshJob::mesh(double cell_size) const {
-  const auto progress = [](double part) { log::progress("tets", 0.5 + 0.5 * part, "improving"); };
-  return build(cell_size, slivers_,
-               {.graded = !sizes_.uniform(), .volume = body_volume_, .progress = progress});
+// Where sizes differ on purpose none is too small.
+std::optional<Thinning> MeshJob::thinning(double cell_size) const {
+  if (!sizes_.uniform()) return std::nullopt;
+  return Thinning{closest_points * std::min(1.0, factors_.facet_size) * cell_size,
+                  factors_.facet_distance * cell_size};
 }
 
-MeshJob::Result MeshJob::build(double cell_size, const Slivers& slivers,
+MeshJob::Result MeshJob::mesh(double cell_size) const {
+  const auto progress = [](double part) { log::progress("tets", 0.5 + 0.5 * part, "improving"); };
+  std::map<int, double> volumes{{body_label, body_volume_}};
+  if (by_fields_) volumes.insert(label_volumes_.begin(), label_volumes_.end());
+  return build(cell_size, options_,
+               {.graded = !sizes_.uniform(),
+                .thinning = thinning(cell_size),
+                .volumes = volumes,
+                .progress = progress});
+}
+
+MeshJob::Result MeshJob::build(double cell_size, const Mesh3Options& mesh3,
                                const ImproveOptions& options) const {
-  Result result{.mesh = refine(cell_size, slivers)};
+  Result result{.mesh = refine(cell_size, mesh3)};
   TetMesh& mesh = result.mesh;
   mesh.label_names = names_;
   result.mended = mend_boundary(mesh, bodies_);
@@ -272,7 +287,9 @@ double MeshJob::estimate_memory(double tets) const {
 
 std::size_t MeshJob::calibrate(double cell_size) {
   const TetMesh trial =
-      build(cell_size, {}, {.rounds = trial_rounds, .graded = !sizes_.uniform()}).mesh;
+      build(cell_size, {.parallel = options_.parallel},
+            {.rounds = trial_rounds, .graded = !sizes_.uniform(), .thinning = thinning(cell_size)})
+          .mesh;
   if (!by_fields_) return trial.tets.size();
   std::map<int, double> found;
   for (std::size_t t = 0; t < trial.tets.size(); ++t) {

@@ -24,7 +24,8 @@ class MeshJob {
   explicit MeshJob(const StageRun& run);
 
   bool by_fields() const { return by_fields_; }
-  double body_volume() const { return body_volume_; }  // mm3, of voxels or surface
+  bool repeatable() const { return !options_.parallel; }  // the same mesh in every run
+  double body_volume() const { return body_volume_; }     // mm3, of voxels or surface
   const std::map<int, double>& label_volumes() const { return label_volumes_; }  // mm3
   const std::map<int, std::string>& names() const { return names_; }
   std::size_t bodies() const { return bodies_; }
@@ -65,15 +66,16 @@ class MeshJob {
   void take_surface(const StageRun& run);
   void take_sizes(const StageRun& run);
 
-  Result build(double cell_size, const Slivers& slivers, const ImproveOptions& options) const;
+  Result build(double cell_size, const Mesh3Options& mesh3, const ImproveOptions& options) const;
+  std::optional<Thinning> thinning(double cell_size) const;
   std::vector<Inside> lattice(const Sizing& sizing) const;
-  TetMesh refine(double cell_size, const Slivers& slivers) const;
+  TetMesh refine(double cell_size, const Mesh3Options& options) const;
   void assign_labels(TetMesh& mesh) const;
 
   bool by_fields_ = true;
   bool hxt_ = false;     // gmsh fills what Mesh_3 bounds
   bool improve_ = true;  // with our own improver
-  Slivers slivers_;
+  Mesh3Options options_;
   double lattice_ = 0.0;  // constant of the inner lattice as a multiple of the cell size
   Sizing factors_;        // facet_size and facet_distance as multiples of the cell size
   std::optional<LabelImage> image_;

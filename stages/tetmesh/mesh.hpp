@@ -1,5 +1,6 @@
-// From a domain to raw tetrahedra: CGAL's Mesh_3 (sequential, hence the same mesh every run) behind
-// plain arrays. One domain per translation unit, because each costs a minute of compiling.
+// From a domain to raw tetrahedra: CGAL's Mesh_3 behind plain arrays; sequential, hence the same
+// mesh every run, unless asked otherwise. One domain and one kind of concurrency per translation
+// unit, because each costs a minute of compiling.
 #pragma once
 
 #include <functional>
@@ -26,11 +27,13 @@ struct Sizing {
   double scale_at(const std::array<double, 3>& p) const { return scale ? scale(p) : 1.0; }
 };
 
-// What Mesh_3 does by itself about slivers after refinement: it moves their vertices, then
-// reweights them.
-struct Slivers {
+struct Mesh3Options {
+  // What Mesh_3 does by itself about slivers after refinement: it moves their vertices, then
+  // reweights them.
   bool perturb_and_exude = false;
-  double angle = 10.0;  // deg, dihedral angle below which a tet is a sliver to work on
+  double sliver_angle = 10.0;  // deg, dihedral angle below which a tet is a sliver to work on
+  // With all threads of the machine: another mesh every time.
+  bool parallel = false;
 };
 
 // A point on the interface between two labels, from which refinement starts.
@@ -74,7 +77,7 @@ std::vector<Inside> seed_interior(const MaterialFields& fields, double constant)
 // Conforming tets of all materials, LPS mm, positively oriented.
 TetMesh mesh_fields(const MaterialFields& fields, const std::vector<Seed>& seeds,
                     const std::vector<Inside>& interior, const Sizing& sizing,
-                    const Slivers& slivers);
+                    const Mesh3Options& options);
 
 // One closed surface: outer shells and cavities. LPS mm.
 class SurfaceBody {
@@ -87,7 +90,7 @@ class SurfaceBody {
 
   // Tets inside, all labelled `label`.
   TetMesh mesh(int label, const std::vector<Inside>& interior, const Sizing& sizing,
-               const Slivers& slivers) const;
+               const Mesh3Options& options) const;
 
  private:
   struct Data;

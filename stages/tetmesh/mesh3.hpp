@@ -3,6 +3,7 @@
 #pragma once
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <CGAL/Mesh_3/Worksharing_data_structures.h>  // which exude_mesh_3.h forgets
 #include <CGAL/Mesh_complex_3_in_triangulation_3.h>
 #include <CGAL/Mesh_criteria_3.h>
 #include <CGAL/Mesh_triangulation_3.h>
@@ -13,8 +14,12 @@
 #include <CGAL/property_map.h>
 #include <CGAL/refine_mesh_3.h>
 #include <CGAL/spatial_sort.h>
+#include <tbb/task_scheduler_observer.h>
 
+#include <mutex>
 #include <numeric>
+#include <set>
+#include <thread>
 #include <utility>
 
 #include "pipeline/contract/log.hpp"
@@ -24,10 +29,30 @@ namespace viscera::mesh3 {
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 
-template <class Domain>
+// The threads that work for TBB while this lives.
+class ThreadCount : tbb::task_scheduler_observer {
+ public:
+  ThreadCount() { observe(true); }
+  ~ThreadCount() override { observe(false); }
+  std::size_t get() const {
+    const std::lock_guard lock(mutex_);
+    return threads_.size();
+  }
+
+ private:
+  void on_scheduler_entry(bool) override {
+    const std::lock_guard lock(mutex_);
+    threads_.insert(std::this_thread::get_id());
+  }
+  mutable std::mutex mutex_;
+  std::set<std::thread::id> threads_;
+};
+
+template <class Domain, class Concurrency>
 class Mesher {
  public:
-  using Triangulation = typename CGAL::Mesh_triangulation_3<Domain>::type;
+  using Triangulation =
+      typename CGAL::Mesh_triangulation_3<Domain, CGAL::Default, Concurrency>::type;
   using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation>;
   using Criteria = CGAL::Mesh_criteria_3<Triangulation>;
   using Weighted = typename Triangulation::Weighted_point;
@@ -52,17 +77,26 @@ class Mesher {
                             p::facet_distance = LocalLength{sizing, sizing.facet_distance},
                             p::cell_radius_edge_ratio = sizing.radius_edge,
                             p::cell_size = LocalLength{sizing, sizing.cell_size});
-    CGAL::refine_mesh_3(complex_, domain_, criteria, p::no_perturb(), p::no_exude(), p::no_lloyd(),
-                        p::no_odt(), manifold ? p::manifold() : p::non_manifold());
+    const auto refine = [&] {
+      CGAL::refine_mesh_3(complex_, domain_, criteria, p::no_perturb(), p::no_exude(),
+                          p::no_lloyd(), p::no_odt(), manifold ? p::manifold() : p::non_manifold());
+    };
+    if constexpr (std::is_convertible_v<Concurrency, CGAL::Parallel_tag>) {
+      const ThreadCount threads;
+      refine();
+      log::info("refined by {} threads", threads.get());
+    } else {
+      refine();
+    }
   }
 
   // No time limits: a mesh must not depend on the speed of the machine.
-  void work_on(const Slivers& slivers) {
-    if (!slivers.perturb_and_exude) return;
+  void work_on_slivers(const Mesh3Options& options) {
+    if (!options.perturb_and_exude) return;
     log::progress("tets", 0.4, "perturbing slivers");
-    CGAL::perturb_mesh_3(complex_, domain_, CGAL::parameters::sliver_bound = slivers.angle);
+    CGAL::perturb_mesh_3(complex_, domain_, CGAL::parameters::sliver_bound = options.sliver_angle);
     log::progress("tets", 0.9, "exuding slivers");
-    CGAL::exude_mesh_3(complex_, CGAL::parameters::sliver_bound = slivers.angle);
+    CGAL::exude_mesh_3(complex_, CGAL::parameters::sliver_bound = options.sliver_angle);
   }
 
   // Points in the order of the tets that first use them, which keeps neighbours close in memory.

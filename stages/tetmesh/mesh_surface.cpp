@@ -5,22 +5,18 @@
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
 #include <CGAL/Polygon_mesh_processing/self_intersections.h>
-#include <CGAL/Polyhedral_mesh_domain_3.h>
-#include <CGAL/Surface_mesh.h>
 
 #include <memory>
 
 #include "pipeline/contract/error.hpp"
-#include "stages/tetmesh/mesh.hpp"
-#include "stages/tetmesh/mesh3.hpp"
+#include "stages/tetmesh/mesh3_surface.hpp"
 #include "stages/tetmesh/spread.hpp"
 
 namespace viscera {
 namespace {
 
 using mesh3::Kernel;
-using Triangles = CGAL::Surface_mesh<Kernel::Point_3>;
-using Domain = CGAL::Polyhedral_mesh_domain_3<Triangles, Kernel>;
+using mesh3::Triangles;
 
 Error bad_surface(const std::string& file, std::string found) {
   return Error(ExitCode::bad_input, {.where = file,
@@ -154,12 +150,10 @@ std::vector<Inside> SurfaceBody::seed_interior(double constant) const {
 }
 
 TetMesh SurfaceBody::mesh(int label, const std::vector<Inside>& interior, const Sizing& sizing,
-                          const Slivers& slivers) const {
-  CGAL::Random random(0);
-  const Domain domain(data_->triangles, &random);
-  mesh3::Mesher<Domain> mesher(domain);
+                          const Mesh3Options& options) const {
   // Every shell starts with points about one facet apart, taken from its own vertices.
   const SurfaceMesh& surface = data_->surface;
+  std::vector<Vec> seeds;
   for (const auto& shell : find_shells(surface)) {
     const double distance = seed_distance(shell.volume, sizing.facet_size);
     Spread spread(distance);
@@ -168,16 +162,16 @@ TetMesh SurfaceBody::mesh(int label, const std::vector<Inside>& interior, const 
         const auto& p = surface.points[corner];
         if (spread.has_near(p, distance)) continue;
         spread.add(p);
-        mesher.add({p[0], p[1], p[2]}, {0, 1});
+        seeds.push_back(p);
       }
   }
-  for (const auto& site : interior)
-    mesher.add_inside({site.point[0], site.point[1], site.point[2]}, site.label);
-  mesher.refine(sizing, true);
-  mesher.work_on(slivers);
-  TetMesh tets = mesher.extract();
+  const auto mesh = options.parallel ? mesh3::SurfaceMesher<CGAL::Parallel_tag>::mesh
+                                     : mesh3::SurfaceMesher<CGAL::Sequential_tag>::mesh;
+  TetMesh tets = mesh(data_->triangles, seeds, interior, sizing, options);
   tets.labels.assign(tets.tets.size(), label);
   return tets;
 }
+
+template struct mesh3::SurfaceMesher<CGAL::Sequential_tag>;
 
 }  // namespace viscera

@@ -1,19 +1,15 @@
 #include "stages/tetmesh/project_surface.hpp"
 
-#include <CGAL/AABB_traits.h>
-#include <CGAL/AABB_tree.h>
-#include <CGAL/AABB_triangle_primitive.h>
-#include <CGAL/Simple_cartesian.h>
-
 #include <memory>
+
+#include "stages/tetmesh/triangle_tree.hpp"
 
 namespace viscera {
 namespace {
 
-using Kernel = CGAL::Simple_cartesian<double>;
-using Triangles = std::vector<Kernel::Triangle_3>;
-using Primitive = CGAL::AABB_triangle_primitive<Kernel, Triangles::const_iterator>;
-using Tree = CGAL::AABB_tree<CGAL::AABB_traits<Kernel, Primitive>>;
+using triangle_tree::Kernel;
+using triangle_tree::Tree;
+using triangle_tree::Triangles;
 
 struct Target {
   explicit Target(const SurfaceMesh& surface);

@@ -74,6 +74,19 @@ TEST(TetQualityOfTheImprover, IsOneForARegularTetAndFallsForEveryKindOfBadOne) {
   EXPECT_LT(tet_quality(a, b, c, d, 20.0 * edge), 0.1);  // well shaped, but far too small
 }
 
+TEST(TetQualityOfTheImprover, IsTheSameToTheLastBitForOneTetAndForManyAtOnce) {
+  const TetMesh mesh = shaken_cube(3, 0.6, 5);  // some of them inverted
+  const Projector none;
+  const Stars stars(mesh, none);
+  for (int filled = 1; filled <= TetLanes::count; ++filled) {
+    TetLanes lanes;
+    for (int n = 0; n < filled; ++n)
+      stars.fill(lanes, n, 3 * n, mesh.tets[3 * n][1], mesh.points[mesh.tets[3 * n][1]]);
+    judge(lanes, filled);
+    for (int n = 0; n < filled; ++n) EXPECT_EQ(lanes.quality[n], stars.quality(3 * n)) << n;
+  }
+}
+
 TEST(EdgeRemoval, ARingGetsItsBestTriangulationAndKeepsItsVolume) {
   for (int n = 3; n <= 8; ++n) {
     TetMesh mesh = ring_of(n, 1.6);
@@ -278,6 +291,72 @@ TEST(Collapse, ANeedleGoesAndTheMaterialsKeepTheirVolumes) {
   EXPECT_NEAR(volume_of(mesh, 1), first, 1e-12);
   EXPECT_NEAR(volume_of(mesh, 2), second, 1e-12);
   expect_sound(mesh);
+}
+
+// A column on a triangle; half way up two points of its rim lie close together.
+TEST(Collapse, AShortEdgeAroundANeckStaysWhereTheBoundaryWouldBePinched) {
+  TetMesh mesh;
+  for (int layer = 0; layer < 3; ++layer)
+    for (const Vec& p : {Vec{0, 0, 0}, Vec{layer == 1 ? 0.1 : 1.0, 0, 0}, Vec{0.1, 1.0, 0}})
+      mesh.points.push_back({p[0], p[1], 0.8 * layer});
+  for (const int b : {0, 3})
+    mesh.tets.insert(
+        mesh.tets.end(),
+        {{b, b + 3, b + 4, b + 5}, {b, b + 1, b + 4, b + 5}, {b, b + 1, b + 2, b + 5}});
+  for (std::size_t t : {1u, 4u}) std::swap(mesh.tets[t][2], mesh.tets[t][3]);
+  mesh.labels.assign(6, 1);
+  ASSERT_EQ(inspect(mesh).inverted, 0u);
+  const Projector anywhere = [](const Vec& p, const std::vector<int>&) {
+    return Contact{p, {{0, 0, 1}}};
+  };
+  Stars stars(mesh, anywhere);
+  for (const int gone : {3, 4, 5})
+    for (const int further : {1, 2}) {
+      const int kept = 3 + (gone - 3 + further) % 3;
+      EXPECT_FALSE(collapse_edge(stars, gone, kept)) << gone << " onto " << kept;
+    }
+}
+
+TEST(Thinning, PointsThatAreTooCloseGoAndTheSurfacesStay) {
+  TetMesh mesh = shaken_cube(6, 0.1, 3);
+  const double upper = volume_of(mesh, 2);
+  const Projector project = onto_middle;
+  Stars stars(mesh, project);
+  const double worst = stars.worst(stars.star(0));
+  std::size_t gone = 0;
+  for (int p = 0; p < static_cast<int>(mesh.points.size()); ++p) {
+    const bool far = std::ranges::all_of(stars.neighbours(p), [&](int q) {
+      return norm(sub(stars.points()[q], stars.points()[p])) >= 0.16;
+    });
+    const bool thinned = thin_out(stars, p, {.closest = 0.16, .facet_distance = 0.01}, 0.1);
+    EXPECT_FALSE(thinned && far);
+    gone += thinned;
+  }
+  EXPECT_GT(gone, 10u);
+  const std::size_t before = mesh.points.size();
+  stars.extract(mesh);
+  expect_sound(mesh);
+  EXPECT_EQ(mesh.points.size(), before - gone);
+  EXPECT_NEAR(volume_of(mesh), 1.0, 1e-12);
+  EXPECT_NEAR(volume_of(mesh, 2), upper, 1e-12);
+  EXPECT_GT(Stars(mesh, project).worst(stars.star(0)), std::min(worst, 0.1) - 1e-12);
+}
+
+TEST(FitVolume, ASmallLabelGetsItsVolumeFromTheOneBesideItAndTheWholeStays) {
+  TetMesh mesh = shaken_cube(4, 0.1, 4);
+  const double wanted = 0.505;
+  const Projector project = [](const Vec& p, const std::vector<int>& labels) {
+    auto contact = onto_middle(p, labels);
+    if (contact) contact->normals = {{0, 0, -1}};  // out of the upper label
+    return contact;
+  };
+  Stars stars(mesh, project);
+  fit_volume(stars, 2, {1}, wanted, 0.1);
+  stars.extract(mesh);
+  expect_sound(mesh);
+  EXPECT_NEAR(volume_of(mesh), 1.0, 1e-12);
+  EXPECT_GT(volume_of(mesh, 2), 0.502);  // its rim, on the boundary, stays
+  EXPECT_LT(volume_of(mesh, 2), wanted + 1e-12);
 }
 
 TEST(Improve, ShakenCubesStaySoundKeepTheirShapeAndGetBetter) {

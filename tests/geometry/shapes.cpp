@@ -53,6 +53,39 @@ TetMesh shaken_cube(int n, double shake, unsigned seed) {
   return mesh;
 }
 
+SurfaceMesh ball_surface(double radius) {
+  SurfaceMesh ball{
+      .points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
+      .triangles =
+          {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}},
+      .label_names = {{3, "kidney"}}};
+  for (int round = 0; round < 4; ++round) {
+    std::map<std::array<int, 2>, int> middles;
+    const auto middle = [&](int a, int b) {
+      const auto [entry, fresh] = middles.try_emplace({std::min(a, b), std::max(a, b)},
+                                                      static_cast<int>(ball.points.size()));
+      if (fresh) {
+        const auto &p = ball.points[a], &q = ball.points[b];
+        ball.points.push_back({p[0] + q[0], p[1] + q[1], p[2] + q[2]});
+        auto& m = ball.points.back();
+        const double length = std::hypot(m[0], m[1], m[2]);
+        for (double& x : m) x /= length;
+      }
+      return entry->second;
+    };
+    std::vector<std::array<int, 3>> finer;
+    for (const auto& t : ball.triangles) {
+      const int ab = middle(t[0], t[1]), bc = middle(t[1], t[2]), ca = middle(t[2], t[0]);
+      finer.insert(finer.end(), {{t[0], ab, ca}, {t[1], bc, ab}, {t[2], ca, bc}, {ab, bc, ca}});
+    }
+    ball.triangles = finer;
+  }
+  for (auto& p : ball.points)
+    for (double& x : p) x *= radius;
+  ball.labels.assign(ball.triangles.size(), 3);
+  return ball;
+}
+
 Outcome run_stage(const Stage& stage, std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), stage.info.name);
   std::vector<char*> argv;

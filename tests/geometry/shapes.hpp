@@ -10,6 +10,7 @@
 #include "pipeline/contract/param.hpp"
 #include "stages/common/label_image.hpp"
 #include "stages/common/stage_main.hpp"
+#include "stages/common/surface_mesh.hpp"
 #include "stages/common/tet_mesh.hpp"
 
 namespace viscera::testing {
@@ -35,6 +36,9 @@ LabelImage draw(int n, const std::array<double, 3>& spacing, Label label) {
 
 // A ball of label 1 with a smaller, off-centre ball of label 2 inside; radii in mm.
 LabelImage nested_balls(double outer = 20.0, double inner = 8.0);
+
+// A subdivided octahedron blown up to a ball, LPS mm; label 3, "kidney".
+SurfaceMesh ball_surface(double radius);
 
 // The unit cube in n^3 cells of six tets, its inner points shaken by up to `shake` of a cell; label
 // 2 above the middle, whose points only move sideways.

@@ -1,0 +1,82 @@
+#include "stages/tetmesh/material_fields.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "stages/tetmesh/mesh.hpp"
+#include "stages/tetmesh/size_field.hpp"
+#include "stages/tetmesh/vec.hpp"
+#include "tests/geometry/shapes.hpp"
+
+namespace viscera {
+namespace {
+
+TEST(MaterialFields, EveryMaterialOccupiesTheVolumeOfItsVoxels) {
+  const LabelImage image = testing::nested_balls(20.0, 6.0);
+  const MaterialFields fields(image, 1.2);
+  const Frame& frame = image.frame;
+  std::map<int, double> wanted, found;
+  for (const auto id : image.voxels) wanted[id] += 1.0;
+  for (int k = 0; k < 2 * frame.size[2] - 1; ++k)
+    for (int j = 0; j < 2 * frame.size[1] - 1; ++j)
+      for (int i = 0; i < 2 * frame.size[0] - 1; ++i)
+        found[fields.at({0.5 * i * frame.spacing[0], 0.5 * j * frame.spacing[1],
+                         0.5 * k * frame.spacing[2]})] += 0.125;
+  EXPECT_NEAR((found[1] + found[2]) / (wanted[1] + wanted[2]), 1.0, 5e-3);
+  EXPECT_NEAR(found[2] / wanted[2], 1.0, 0.02);
+}
+
+TEST(MaterialFields, AimingHigherMakesAMaterialLarger) {
+  const LabelImage image = testing::nested_balls(20.0, 6.0);
+  MaterialFields fields(image, 1.2);
+  const auto count = [&] {
+    int inside = 0;
+    for (int i = 0; i < 2000; ++i) inside += fields.at({0.0265 * i, 20.5, 29.4}) == 2;
+    return inside;
+  };
+  const int before = count();
+  fields.aim({{2, 1.3}});
+  EXPECT_GT(count(), before);
+}
+
+TEST(Seeds, EveryComponentOfEveryInterfaceGetsSome) {
+  const LabelImage image = testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
+    for (const double at : {-10.0, 0.0, 10.0})
+      if (std::hypot(x - at, y, z) < 2.5) return 2;
+    return std::hypot(x, y, z) < 20.0 ? 1 : 0;
+  });
+  const MaterialFields fields(image, 0.8);
+  std::array<int, 3> near{};
+  for (const auto& seed : seed_interfaces(fields, Interfaces(image), {.facet_size = 15.0})) {
+    EXPECT_NE(seed.inside, seed.outside);
+    if (seed.inside != 2 && seed.outside != 2) continue;
+    const double x = seed.point[0] - 23.5 * 1.1;
+    ++near[x < -5.0 ? 0 : x < 5.0 ? 1 : 2];
+  }
+  for (const int seeds : near) EXPECT_GE(seeds, 4);
+}
+
+TEST(SizeField, GrowsFromInterfacesNoFasterThanItsSlope) {
+  const LabelImage image = testing::nested_balls(20.0, 8.0);
+  const SizeField field(image, {.label_sizes = {{2, 2.0}}, .at_interfaces = 0.5, .grading = 0.25},
+                        6.0);
+  const Frame& frame = image.frame;
+  const double middle = 23.5;
+  const Vec centre{middle * 1.1 + 4.0, middle * 1.0 - 3.0, middle * 1.25};  // of the small ball
+  const double at_rim = field.at({centre[0] + 8.0, centre[1], centre[2]});
+  EXPECT_NEAR(at_rim, 1.0, 0.4);  // half of the small ball's size
+  EXPECT_NEAR(field.at(centre), 2.0, 1e-6);
+  EXPECT_EQ(field.largest(), 6.0);
+  EXPECT_GT(field.crowding(), 1.0);
+  for (int k = 1; k < frame.size[2]; ++k)
+    for (int j = 0; j < frame.size[1]; ++j)
+      for (int i = 0; i < frame.size[0]; ++i) {
+        const double s = frame.spacing[2], x = i * frame.spacing[0], y = j * frame.spacing[1];
+        ASSERT_LE(std::abs(field.at({x, y, k * s}) - field.at({x, y, (k - 1) * s})),
+                  0.25 * s + 1e-5);
+      }
+}
+
+}  // namespace
+}  // namespace viscera

@@ -1,0 +1,201 @@
+// What the mesher is given: surfaces of every kind, meshes made elsewhere, and requests that it has
+// to refuse.
+#include <cmath>
+#include <numbers>
+
+#include "stages/tetmesh/topology.hpp"
+#include "stages/tetmesh/vec.hpp"
+#include "tests/geometry/tetmesh_run.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+TEST_F(Tetmesh, AnAbsurdCellSizeIsRefusedWithTheEstimate) {
+  const auto outcome = run(write(testing::nested_balls()), {"cell_size=0.05mm"});
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_NE(outcome.log.find("million tets"), std::string::npos) << outcome.log;
+  EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
+TEST_F(Tetmesh, AnOpenOrCrossingSurfaceIsRefusedByName) {
+  SurfaceMesh open = testing::ball_surface(20.0);
+  open.triangles.pop_back();
+  open.labels.pop_back();
+  auto outcome = run(write(open));
+  EXPECT_EQ(outcome.code, 4);
+  EXPECT_NE(outcome.log.find("surface.vtp: it has open edges"), std::string::npos) << outcome.log;
+  SurfaceMesh crossing = testing::ball_surface(20.0);
+  crossing.points[0] = {-30.0, 0.0, 0.0};
+  outcome = run(write(crossing));
+  EXPECT_EQ(outcome.code, 4);
+  EXPECT_NE(outcome.log.find("crosses itself"), std::string::npos) << outcome.log;
+  EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
+SurfaceMesh turned(SurfaceMesh surface) {
+  for (auto& t : surface.triangles) std::swap(t[1], t[2]);
+  return surface;
+}
+
+TEST_F(Tetmesh, AShellWithinAnotherIsACavityWhenTurnedInwardsAndRefusedOtherwise) {
+  const SurfaceMesh inner = testing::ball_surface(8.0);
+  SurfaceMesh hollow = testing::ball_surface(20.0);
+  append(hollow, turned(inner));
+  ASSERT_EQ(run(write(hollow), {"cell_size=4mm"}).code, 0);
+  const double shell = 4.0 / 3.0 * std::numbers::pi * (std::pow(20.0, 3.0) - std::pow(8.0, 3.0));
+  EXPECT_NEAR(testing::metric(out(), "volume")["ml"].get<double>(), shell / 1000.0, 0.3);
+  fs::remove_all(out());
+  SurfaceMesh nested = testing::ball_surface(20.0);
+  append(nested, inner);
+  auto outcome = run(write(nested), {"cell_size=4mm"});
+  EXPECT_EQ(outcome.code, 4);
+  EXPECT_NE(outcome.log.find("a body within another body"), std::string::npos) << outcome.log;
+  outcome = run(write(turned(testing::ball_surface(20.0))), {"cell_size=4mm"});
+  EXPECT_EQ(outcome.code, 4);
+  EXPECT_NE(outcome.log.find("inside out"), std::string::npos) << outcome.log;
+  EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
+TEST_F(Tetmesh, BodiesSideBySideAreBothMeshedAndThoseThatTouchEndManifold) {
+  SurfaceMesh pair = testing::ball_surface(10.0), other = testing::ball_surface(10.0);
+  for (auto& p : other.points) p[0] += 21.0;
+  append(pair, other);
+  ASSERT_EQ(run(write(pair), {"cell_size=3mm"}).code, 0);
+  EXPECT_EQ(inspect(mesh()).components, 2u);
+  // Two cubes of voxels that share one corner: bodies of their own, as faces join them.
+  const LabelImage touching = testing::draw(48, {1.0, 1.0, 1.0}, [](double x, double y, double z) {
+    const bool low = x < 0 && y < 0 && z<0, high = x> 0 && y > 0 && z > 0;
+    return (low || high) && std::max({std::abs(x), std::abs(y), std::abs(z)}) < 14.0 ? 1 : 0;
+  });
+  const auto outcome = run(write(touching), {"cell_size=3mm"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const auto found = inspect(mesh());
+  EXPECT_EQ(found.non_manifold_edges + found.non_manifold_points + found.overfull_faces, 0u);
+  EXPECT_LE(found.components, 2u);
+}
+
+// A ball with a fin that ends 1 mm thin, meshed with cells of 6 mm.
+TEST_F(Tetmesh, APartThinnerThanTheCellSizeIsKeptWhereItsPointsAreSeeds) {
+  SurfaceMesh ball = testing::ball_surface(20.0);
+  for (auto& [x, y, z] : ball.points)
+    if (x > 15.0 && std::abs(y) < 4.0) {
+      x += 12.0;
+      y *= 0.1;
+    }
+  const auto outcome = run(write(ball), {"cell_size=6mm"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  EXPECT_TRUE(testing::metric(out(), "distance")["lost"].empty());
+  EXPECT_LT(testing::metric(out(), "distance")["to_mesh"]["max_mm"].get<double>(), 3.0);
+}
+
+TEST_F(Tetmesh, APartThatTheMeshLacksIsNamedWithItsPlace) {
+  SurfaceMesh surface = testing::ball_surface(20.0), speck = testing::ball_surface(2.0);
+  for (auto& p : speck.points) p[0] += 30.0;  // as smoothing leaves it of a part on a thin neck
+  append(surface, speck);
+  const LabelImage ball = testing::draw(48, {1.0, 1.0, 1.0}, [](double x, double y, double z) {
+    return std::hypot(x, y, z) < 20.0 ? 1 : 0;
+  });
+  const Vec centre = ball.frame.to_lps({23.5, 23.5, 23.5});
+  for (auto& p : surface.points) p = add(p, centre);
+  const auto outcome =
+      testing::run_stage(tetmesh_stage(), {"--in", write(ball), "--in", write(surface), "--set",
+                                           "cell_size=6mm", "--out", out().string()});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  EXPECT_NE(outcome.log.find("cut off the body by smoothing"), std::string::npos) << outcome.log;
+  const auto distance = testing::metric(out(), "distance");
+  ASSERT_EQ(distance["lost"].size(), 1u);
+  EXPECT_NEAR(distance["lost"][0]["at"][0].get<double>(), centre[0] + 32.0, 0.5);
+  EXPECT_GT(distance["to_mesh"]["max_mm"].get<double>(), 10.0);
+  EXPECT_LT(distance["to_mesh_kept"]["max_mm"].get<double>(), 0.5 * 6.0);
+}
+
+TEST_F(Tetmesh, LabelsThatTouchTheBorderAreRefused) {
+  const auto outcome = run(
+      write(testing::draw(12, {1, 1, 1}, [](double, double, double z) { return z > 0 ? 1 : 0; })));
+  EXPECT_EQ(outcome.code, 4);
+  EXPECT_NE(outcome.log.find("border"), std::string::npos) << outcome.log;
+}
+
+TEST_F(Tetmesh, AMesherThatDoesNotEndIsEnded) {
+  ::testing::GTEST_FLAG(death_test_style) = "threadsafe";
+  const auto input = write(testing::nested_balls());
+  std::vector<std::string> line{
+      "viscera-tetmesh",  "--in",  input,         "--set", "cell_size=0.4mm", "--set",
+      "time_limit=100ms", "--out", out().string()};
+  std::vector<char*> argv;
+  for (auto& word : line) argv.push_back(word.data());
+  EXPECT_EXIT(stage_main(static_cast<int>(argv.size()), argv.data(), tetmesh_stage()),
+              ::testing::ExitedWithCode(75), "time_limit: no mesh after");
+  EXPECT_FALSE(fs::exists(out()));
+}
+
+// Every tet by its label and its corners, whatever their numbers: a .msh holds them label by label.
+auto tets_in_order(const TetMesh& mesh) {
+  std::vector<std::pair<int, std::array<std::array<double, 3>, 4>>> all;
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    auto& [label, corners] =
+        all.emplace_back(mesh.labels[t], decltype(all)::value_type::second_type{});
+    for (int i = 0; i < 4; ++i) corners[i] = mesh.points[mesh.tets[t][i]];
+    std::ranges::sort(corners);
+  }
+  std::ranges::sort(all);
+  return all;
+}
+
+TEST_F(Tetmesh, TheFormatsAskedForStandBesideTheMeshAndComeInAgain) {
+  const auto first = run(write(testing::nested_balls()),
+                         {"cell_size=6mm", "formats=[msh, inp, feb]",
+                          "materials={liver: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3}}"});
+  ASSERT_EQ(first.code, 0) << first.log;
+  EXPECT_EQ(testing::files_in(out()),
+            (std::vector<std::string>{"manifest.json", "mesh.feb", "mesh.inp", "mesh.msh",
+                                      "mesh.vtu", "quality.json"}));
+  const TetMesh made = mesh();
+  fs::rename(out() / "mesh.msh", folder_.path() / "mesh.msh");
+  const auto again = run("mesh=" + (folder_.path() / "mesh.msh").string());
+  ASSERT_EQ(again.code, 0) << again.log;
+  EXPECT_TRUE(tets_in_order(mesh()) == tets_in_order(made));
+  EXPECT_EQ(mesh().points.size(), made.points.size());
+  EXPECT_EQ(mesh().label_names, made.label_names);
+  EXPECT_EQ(testing::metric(out(), "repairs")["points_merged"], 0);
+}
+
+TEST_F(Tetmesh, AnUnknownFormatOrMaterialIsRefusedBeforeTheWork) {
+  const auto input = write(testing::nested_balls());
+  auto outcome = run(input, {"formats=[stl]"});
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_NE(outcome.log.find("vtu, msh, inp, feb"), std::string::npos) << outcome.log;
+  outcome = run(input, {"materials={livre: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3}}"});
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_NE(outcome.log.find("did you mean 'liver'"), std::string::npos) << outcome.log;
+}
+
+TEST_F(Tetmesh, AMeshFromElsewhereIsMendedAndJudged) {
+  TetMesh cube = testing::shaken_cube(4, 0.2, 1);
+  cube.label_names = {{1, "lower"}, {2, "upper"}};
+  std::swap(cube.tets[0][0], cube.tets[0][1]);
+  cube.points.push_back({5, 5, 5});
+  write_vtu(folder_.path() / "foreign.vtu", cube);
+  const auto input = "mesh=" + (folder_.path() / "foreign.vtu").string();
+  ASSERT_EQ(run(input, {"min_dihedral=1deg"}).code, 0);
+  EXPECT_EQ(testing::metric(out(), "repairs")["tets_turned"], 1);
+  EXPECT_EQ(testing::metric(out(), "repairs")["stray_points"], 1);
+  const double before = testing::metric(out(), "dihedral_min")["min"];
+  ASSERT_EQ(run(input, {"min_dihedral=1deg", "improve=own"}).code, 0);
+  EXPECT_GT(testing::metric(out(), "dihedral_min")["min"].get<double>(), before);
+  cube.points[0] = {2, 2, 2};  // through the far side: its tets now overlap others
+  write_vtu(folder_.path() / "foreign.vtu", cube);
+  fs::remove_all(out());
+  EXPECT_EQ(run(input).code, 4);
+  EXPECT_TRUE(testing::files_in(out()).empty());
+}
+
+TEST_F(Tetmesh, NeitherLabelsNorSurfaceIsABadRequest) {
+  const auto outcome = testing::run_stage(tetmesh_stage(), {"--out", out().string()});
+  EXPECT_EQ(outcome.code, 3);
+}
+
+}  // namespace
+}  // namespace viscera

@@ -1,0 +1,35 @@
+// viscera-tetmesh as a process would run it, in a folder of its own.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "stages/common/image_io.hpp"
+#include "stages/common/surface_io.hpp"
+#include "stages/common/tet_io.hpp"
+#include "stages/tetmesh/stage.hpp"
+#include "tests/geometry/shapes.hpp"
+
+namespace viscera {
+
+class Tetmesh : public ::testing::Test {
+ protected:
+  std::string write(const LabelImage& image) {
+    write_nrrd(folder_.path() / "labels.nrrd", image);
+    return "labels=" + (folder_.path() / "labels.nrrd").string();
+  }
+  std::string write(const SurfaceMesh& surface) {
+    write_vtp(folder_.path() / "surface.vtp", surface);
+    return "surface=" + (folder_.path() / "surface.vtp").string();
+  }
+  testing::Outcome run(const std::string& input, const std::vector<std::string>& settings = {}) {
+    std::vector<std::string> arguments{"--in", input, "--out", out().string()};
+    for (const auto& setting : settings) arguments.insert(arguments.end(), {"--set", setting});
+    return testing::run_stage(tetmesh_stage(), arguments);
+  }
+  std::filesystem::path out() const { return folder_.path() / "out"; }
+  TetMesh mesh() const { return read_vtu(out() / "mesh.vtu"); }
+  TemporaryFolder folder_{std::filesystem::temp_directory_path()};
+};
+
+}  // namespace viscera
