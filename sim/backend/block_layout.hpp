@@ -7,9 +7,12 @@
 
 #include "sim/coloring.hpp"
 #include "sim/partition.hpp"
+#include "sim/row.hpp"
 #include "sim/solvers/program.hpp"
 
 namespace viscera::sim {
+
+inline constexpr std::size_t bank_bytes = 128;  // that shared memory serves at once
 
 // The lanes that sweep, and how many elements of an effect a copy of a vertex meets at most.
 // Measured (docs/results/cuda.md): where a phase costs its latency, few phases matter, and one warp
@@ -239,9 +242,13 @@ class BlockLayout {
         v = split_.copy_of(block, v) + part - copies.begin;
       }
     }
-    const Coloring coloring = color_elements<arity>(std::span<const std::array<int, arity>>(local),
-                                                    copies.end - copies.begin);
+    Coloring coloring = color_elements<arity>(std::span<const std::array<int, arity>>(local),
+                                              copies.end - copies.begin);
     for (int color = 0; color < coloring.color_count(); ++color) {
+      const int color_size = coloring.color_begin[color + 1] - coloring.color_begin[color];
+      spread_over_banks<arity>(
+          std::span(coloring.order).subspan(coloring.color_begin[color], color_size), local,
+          static_cast<int>(bank_bytes / sizeof(Row<T>)));
       for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
         if (to.elements_in_piece() == piece_size) to.end_piece();
         if (to.elements_in_phase() == team_.lanes) to.end_phase();
@@ -251,6 +258,32 @@ class BlockLayout {
         for (int i = 0; i < arity; ++i) vertices.index[i] = static_cast<std::uint16_t>(local[e][i]);
       }
       to.end_phase();
+    }
+  }
+
+  // Lanes whose loads are served at once, `lanes` of them, are to load from different banks of
+  // shared memory. One element after the other is chosen: of the next few the one whose vertices
+  // collide least.
+  template <int arity>
+  static void spread_over_banks(std::span<int> order,
+                                std::span<const std::array<int, arity>> vertices, int lanes) {
+    constexpr std::size_t looked_at = 48;
+    std::array<unsigned, arity> taken{};
+    for (std::size_t at = 0; at < order.size(); ++at) {
+      if (at % lanes == 0) taken = {};
+      const auto bank = [&](std::size_t k, int i) { return 1u << vertices[order[k]][i] % lanes; };
+      std::size_t best = at;
+      int least = arity + 1;
+      for (std::size_t k = at; k < std::min(order.size(), at + looked_at) && least > 0; ++k) {
+        int collisions = 0;
+        for (int i = 0; i < arity; ++i) collisions += (taken[i] & bank(k, i)) != 0;
+        if (collisions < least) {
+          least = collisions;
+          best = k;
+        }
+      }
+      for (int i = 0; i < arity; ++i) taken[i] |= bank(best, i);
+      std::swap(order[at], order[best]);
     }
   }
 

@@ -369,26 +369,37 @@ __global__ void __launch_bounds__(most_threads, 1)
   }
 }
 
+// The kernel for a set of effects and a number of threads: the fewer these are at most, the more
+// registers each has.
+template <class T, EffectSet set>
+auto kernel_of_width(int threads) {
+  if constexpr (sizeof(T) == 4) {
+    if (threads > 384) return run_frame<T, set, 512>;
+    if (threads > 256) return run_frame<T, set, 384>;
+  }
+  return run_frame<T, set, 256>;
+}
 template <class T>
-struct Kernel {
-  void (*run)(Frame<T>);
-  int most_threads;
-};
+auto kernel_for(EffectSet named, int threads) {
+  if ((named & ~tissue) == 0) return kernel_of_width<T, tissue>(threads);
+  if ((named & ~damped_tissue) == 0) return kernel_of_width<T, damped_tissue>(threads);
+  return run_frame<T, all_effects, 256>;
+}
 template <class T>
-Kernel<T> kernel_for(EffectSet named) {
-  constexpr int wide = sizeof(T) == 4 ? 512 : 256;
-  if ((named & ~tissue) == 0) return {run_frame<T, tissue, wide>, wide};
-  if ((named & ~damped_tissue) == 0) return {run_frame<T, damped_tissue, wide>, wide};
-  return {run_frame<T, all_effects, 256>, 256};
+int most_threads(EffectSet named) {
+  return sizeof(T) == 4 && (named & ~damped_tissue) == 0 ? 512 : 256;
 }
 
-// Threads that work through `items` in the fewest rounds, and leave few without an item in the
-// last; beyond a warp for each of a multiprocessor's schedulers, the same number for each.
-inline int threads_for(int items, int most) {
-  constexpr int schedulers = 4;
+// How many threads work on pieces of `elements`, or exchange `shared` vertices. As many as take the
+// fewest rounds over the elements, beyond a warp for each of a multiprocessor's schedulers the same
+// number for each. More than `usual` leave each too few registers, and pay only where all exchanged
+// vertices then fit into one round (measured: docs/results/cuda.md).
+inline int threads_for(int elements, int shared, int most) {
+  constexpr int schedulers = 4, usual = 384;
   const auto round_up = [](int count, int unit) { return (count + unit - 1) / unit * unit; };
-  const int rounds = round_up(std::max(1, items), most) / most;
-  const int threads = round_up((items + rounds - 1) / rounds, one_warp);
+  if (shared <= usual || shared > most) most = std::min(most, usual);
+  const int rounds = round_up(std::max(1, elements), most) / most;
+  const int threads = round_up((elements + rounds - 1) / rounds, one_warp);
   return threads > schedulers * one_warp ? round_up(threads, schedulers * one_warp) : threads;
 }
 

@@ -118,7 +118,7 @@ class CudaBlocks final : public Ensemble {
     for (int first = 0; first < members_; first += at_once_) {
       frame_.first_member = first;
       const int blocks = frame_.blocks * std::min(at_once_, members_ - first);
-      check(cudaLaunchCooperativeKernel(kernel_.run, dim3(blocks), dim3(threads_), arguments,
+      check(cudaLaunchCooperativeKernel(kernel_, dim3(blocks), dim3(threads_), arguments,
                                         shared_bytes_, nullptr),
             "launching a frame");
     }
@@ -247,7 +247,6 @@ class CudaBlocks final : public Ensemble {
       if (Effect::kind == EffectKind::contact) frame_.contacts += count;
       if (Effect::kind == EffectKind::element) frame_.most_table += count * usual_table;
     });
-    kernel_ = kernel_for<T>(named);
     touching_ = DeviceArray<unsigned char>(static_cast<std::size_t>(members_) * frame_.contacts *
                                            local_count());
     frame_.touching = touching_.get();
@@ -282,15 +281,17 @@ class CudaBlocks final : public Ensemble {
     shared_bytes_ = BlockMemory<T>::bytes(frame_) + work;
     require_room(shared_bytes_, all);
     if (items == 0) items = frame_.most_locals;
-    threads_ = std::max(layout_.lanes(), threads_for(items, kernel_.most_threads));
+    threads_ =
+        std::max(layout_.lanes(), threads_for(items, frame_.most_shared, most_threads<T>(named)));
+    kernel_ = kernel_for<T>(named, threads_);
   }
 
   void ask_for_the_device() {
-    check(cudaFuncSetAttribute(kernel_.run, cudaFuncAttributeMaxDynamicSharedMemorySize,
+    check(cudaFuncSetAttribute(kernel_, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                static_cast<int>(shared_bytes_)),
           "asking for shared memory");
     int a_processor = 0;
-    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, kernel_.run, threads_,
+    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, kernel_, threads_,
                                                         shared_bytes_),
           "asking for the blocks that run at once");
     at_once_ = std::max(1, a_processor * attribute(cudaDevAttrMultiProcessorCount) / frame_.blocks);
@@ -336,7 +337,7 @@ class CudaBlocks final : public Ensemble {
   Program<T> program_;  // of the member that was tuned last
   BlockLayout layout_;
   Frame<T> frame_{};
-  Kernel<T> kernel_{};
+  void (*kernel_)(Frame<T>) = nullptr;
   int threads_ = 0;
   std::uint64_t step_ = 0;
   std::size_t shared_bytes_ = 0;
