@@ -35,7 +35,7 @@ struct Row {
 std::vector<Row> rows() {
   std::vector<Row> all;
   for (const int substeps : {32, 64}) all.push_back({"gauss_seidel", {}, substeps});
-  for (const int substeps : {16, 24, 28, 32, 36, 40, 48, 56, 64, 96}) {
+  for (const int substeps : {16, 24, 27, 30, 33, 36, 40, 48, 56, 58, 64, 72, 88, 96, 108}) {
     all.push_back({"block_gauss_seidel", {.scheme = Scheme::block_gauss_seidel}, substeps});
   }
   return all;
