@@ -10,7 +10,7 @@ struct Entrant {
   const char* name;
   SolverOptions options;
 };
-// Every solver and precision that simulates tissue.
+// Every solver and precision that simulates tissue on the device under test.
 std::vector<Entrant> entrants();
 
 // One row for every entrant.

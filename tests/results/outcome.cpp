@@ -74,13 +74,13 @@ double miss_of(const Outcome& outcome) {
   return worst;
 }
 
-void run_rows(std::vector<Row>& rows) {
+void run_rows(std::vector<Row>& rows, unsigned side_by_side) {
   std::atomic<std::size_t> next = 0;
   const auto work = [&] {
     for (std::size_t i = next++; i < rows.size(); i = next++) run_row(rows[i]);
   };
   std::vector<std::jthread> crew;
-  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) crew.emplace_back(work);
+  for (unsigned i = 1; i < side_by_side; ++i) crew.emplace_back(work);
   work();
 }
 

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace viscera::sim {
@@ -41,7 +42,7 @@ struct Row {
 
 // Runs every row, several at a time; the result does not depend on how many. An exception is the
 // row's failure.
-void run_rows(std::vector<Row>& rows);
+void run_rows(std::vector<Row>& rows, unsigned side_by_side = std::thread::hardware_concurrency());
 
 // A failure that is known, with the figure reached (miss_of): tests fail when it gets worse.
 struct KnownMiss {

@@ -1,6 +1,7 @@
 #include "tests/results/run.hpp"
 
 #include <Eigen/Geometry>
+#include <cstdlib>
 #include <limits>
 
 namespace viscera::sim {
@@ -13,13 +14,23 @@ Scene after_policy(const Model& model, Scene scene, Method method) {
   return scene;
 }
 
+std::unique_ptr<Solver> make_under_test(const Model& model, const Scene& scene,
+                                        const SolverOptions& options) {
+  return runs_on_cuda() ? make_on_cuda(model, scene, options) : make_on_cpu(model, scene, options);
+}
+
 }  // namespace
+
+bool runs_on_cuda() {
+  const char* const device = std::getenv("VISCERA_TEST_DEVICE");
+  return device && device == std::string("cuda");
+}
 
 Run::Run(const Model& model, const Scene& scene, const SolverOptions& options)
     : model_(model),
       scene_(after_policy(model, scene, options.method)),
       options_(options),
-      solver_(make_on_cpu(model, scene_, options)) {
+      solver_(make_under_test(model, scene_, options)) {
   look();
 }
 

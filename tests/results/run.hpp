@@ -7,6 +7,9 @@
 
 namespace viscera::sim {
 
+// Whether the suite runs on CUDA, which VISCERA_TEST_DEVICE=cuda asks for.
+bool runs_on_cuda();
+
 // A run as the product makes it. Keeps what must never happen: values that are not finite.
 class Run {
  public:
