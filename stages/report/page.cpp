@@ -90,6 +90,7 @@ std::string filled_page(std::string_view skeleton, const std::vector<std::string
   }
   return filled(skeleton, {{"title", escaped_html(title)},
                            {"style", std::string(web::style())},
+                           {"licences", std::string(web::licences())},
                            {"scripts", scripts},
                            {"report", script_json(report)},
                            {"geometry", base64(packed_geometry)},

@@ -86,12 +86,12 @@ void make_report(StageRun& run) {
   std::string geometry;
   if (run.has_input("trajectory")) {
     const auto path = run.input("trajectory");
+    const TrajectoryReader trajectory(path);
     ViewerData viewer =
-        viewer_data(TrajectoryReader(path), run.param<std::size_t>("max_frames"), path.string());
+        viewer_data(trajectory, run.param<std::size_t>("max_frames"), path.string());
     report["viewer"] = std::move(viewer.meta);
     geometry = std::move(viewer.packed);
-    const std::string gltf =
-        gltf_binary(TrajectoryReader(path), run.param<std::size_t>("gltf_frames"));
+    const std::string gltf = gltf_binary(trajectory, run.param<std::size_t>("gltf_frames"));
     if (!gltf.empty()) write_atomically(run.out("animation.glb"), gltf);
   }
   report["slices"] = nullptr;

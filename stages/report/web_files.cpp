@@ -7,17 +7,20 @@
 
 VISCERA_WEB_FILE(report_html);
 VISCERA_WEB_FILE(report_css);
+VISCERA_WEB_FILE(licences_html);
 VISCERA_WEB_FILE(three_min_js);
 VISCERA_WEB_FILE(OrbitControls_js);
 VISCERA_WEB_FILE(chart_min_js);
 VISCERA_WEB_FILE(format_js);
 VISCERA_WEB_FILE(geometry_js);
 VISCERA_WEB_FILE(marks_js);
+VISCERA_WEB_FILE(view_js);
 VISCERA_WEB_FILE(viewer_js);
 VISCERA_WEB_FILE(charts_js);
 VISCERA_WEB_FILE(slices_js);
 VISCERA_WEB_FILE(tables_js);
 VISCERA_WEB_FILE(lost_js);
+VISCERA_WEB_FILE(page_js);
 VISCERA_WEB_FILE(main_js);
 VISCERA_WEB_FILE(compare_html);
 VISCERA_WEB_FILE(overlay_js);
@@ -33,17 +36,33 @@ std::string_view skeleton() {
   return VISCERA_WEB_VIEW(report_html);
 }
 
+std::string_view licences() {
+  return VISCERA_WEB_VIEW(licences_html);
+}
+
 std::string_view style() {
   return VISCERA_WEB_VIEW(report_css);
 }
 
+namespace {
+
+// The libraries and what both pages need, then what is a page's own.
+std::vector<std::string_view> with_common(std::initializer_list<std::string_view> own) {
+  std::vector<std::string_view> files{
+      VISCERA_WEB_VIEW(three_min_js), VISCERA_WEB_VIEW(OrbitControls_js),
+      VISCERA_WEB_VIEW(chart_min_js), VISCERA_WEB_VIEW(format_js),
+      VISCERA_WEB_VIEW(geometry_js),  VISCERA_WEB_VIEW(view_js),
+      VISCERA_WEB_VIEW(charts_js),    VISCERA_WEB_VIEW(page_js)};
+  files.insert(files.end(), own);
+  return files;
+}
+
+}  // namespace
+
 std::vector<std::string_view> scripts() {
-  return {VISCERA_WEB_VIEW(three_min_js), VISCERA_WEB_VIEW(OrbitControls_js),
-          VISCERA_WEB_VIEW(chart_min_js), VISCERA_WEB_VIEW(format_js),
-          VISCERA_WEB_VIEW(geometry_js),  VISCERA_WEB_VIEW(marks_js),
-          VISCERA_WEB_VIEW(viewer_js),    VISCERA_WEB_VIEW(charts_js),
-          VISCERA_WEB_VIEW(slices_js),    VISCERA_WEB_VIEW(tables_js),
-          VISCERA_WEB_VIEW(lost_js),      VISCERA_WEB_VIEW(main_js)};
+  return with_common({VISCERA_WEB_VIEW(marks_js), VISCERA_WEB_VIEW(viewer_js),
+                      VISCERA_WEB_VIEW(slices_js), VISCERA_WEB_VIEW(tables_js),
+                      VISCERA_WEB_VIEW(lost_js), VISCERA_WEB_VIEW(main_js)});
 }
 
 std::string_view compare_skeleton() {
@@ -51,11 +70,8 @@ std::string_view compare_skeleton() {
 }
 
 std::vector<std::string_view> compare_scripts() {
-  return {VISCERA_WEB_VIEW(three_min_js), VISCERA_WEB_VIEW(OrbitControls_js),
-          VISCERA_WEB_VIEW(chart_min_js), VISCERA_WEB_VIEW(format_js),
-          VISCERA_WEB_VIEW(geometry_js),  VISCERA_WEB_VIEW(charts_js),
-          VISCERA_WEB_VIEW(overlay_js),   VISCERA_WEB_VIEW(study_charts_js),
-          VISCERA_WEB_VIEW(compare_js)};
+  return with_common({VISCERA_WEB_VIEW(overlay_js), VISCERA_WEB_VIEW(study_charts_js),
+                      VISCERA_WEB_VIEW(compare_js)});
 }
 
 }  // namespace viscera::web

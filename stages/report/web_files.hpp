@@ -8,6 +8,7 @@ namespace viscera::web {
 
 std::string_view skeleton();              // report.html with its {{places}}
 std::string_view style();                 // report.css
+std::string_view licences();              // of the libraries, for every skeleton's footer
 std::vector<std::string_view> scripts();  // in the order in which they must run
 
 std::string_view compare_skeleton();  // compare.html, with the same style

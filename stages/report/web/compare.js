@@ -1,34 +1,12 @@
-// Puts the page of a comparison together: answers, figures, tables, the runs in one view, plots. Time
-// and theme can be set in the address: #t=0.5&theme=dark. The state of the page stands in #status, as
-// in main.js.
+// Puts the page of a comparison together: answers, figures, tables, the runs in one view, plots.
 "use strict";
 
 (function () {
-  const byId = id => document.getElementById(id);
   const {element, number, quantity} = viscera;
-  const report = JSON.parse(byId("report").textContent);
-  const asked = new URLSearchParams(location.hash.slice(1));
-  const status = byId("status"), charts = [], timeCharts = [];
+  const charts = [], timeCharts = [];
   let overlay = null, time = 0, last = 0, playing = false;
-
-  function fail(message) {
-    status.dataset.state = "failed";
-    status.append(message + "\n");
-  }
-  window.addEventListener("error", event => fail(event.message));
-  window.addEventListener("unhandledrejection", event => fail(String(event.reason)));
-
-  function setTheme(name) {
-    document.documentElement.dataset.theme = name;
-    byId("theme").textContent = name === "dark" ? "Light" : "Dark";
-    if (overlay) overlay.theme();
-    viscera.themeCharts(charts);
-  }
-  const wanted = asked.get("theme");
-  setTheme(["dark", "light"].includes(wanted) ? wanted
-    : matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-  byId("theme").addEventListener("click", () =>
-    setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
+  const page = viscera.openPage(charts, () => { if (overlay) overlay.theme(); });
+  const {report, asked} = page;
 
   // `rows`: [{cells: [text or [text, class]], failed}]
   function fillTable(id, headings, rows) {
@@ -152,7 +130,7 @@
     } catch (error) {
       byId("view-notice").textContent = "The 3D view could not start (" + error.message + ").";
       byId("view-notice").hidden = false;
-      status.append("view: " + error.message + "\n");
+      page.note("view: " + error.message);
       return;
     }
     last = Math.max(...report.views.map(v => v.meta.times_s[v.meta.times_s.length - 1] || 0));
@@ -171,12 +149,7 @@
       swatch.style.background = viscera.rgb(view.colour);
       byId("method-checks").append(element("label", {}, box, swatch, `${view.name} (${view.solver})`));
     });
-    overlay.onDrawn(() => {
-      if (status.dataset.firstFrameMs) return;
-      status.dataset.firstFrameMs = Math.round(performance.now());
-      const box = byId("canvas").getBoundingClientRect();
-      status.dataset.canvas = [box.left, box.top, box.width, box.height].map(Math.round).join(",");
-    });
+    page.noteFirstFrame(overlay);
     timeCharts.push(...viscera.overlayCharts(byId("time-charts"), report.views, {
       time: () => time, seek: t => { setPlaying(false); show(t); }}));
     charts.push(...timeCharts);
@@ -245,9 +218,7 @@
   }
 
   async function start() {
-    byId("report-version").textContent = report.version;
-    byId("page-libraries").textContent =
-      Object.entries(report.libraries).map(([name, version]) => name + " " + version).join(", ");
+    page.showVersions();
     showAnswers();
     showEnsemble();
     showFigures();
@@ -256,12 +227,9 @@
     showStudy();
     showEffects();
     showRuns();
-    for (const section of document.querySelectorAll("main > section.panel")) {
-      if (section.hidden) continue;
-      byId("nav").append(element("a", {href: "#" + section.id}, section.dataset.short));
-    }
+    page.showNavigation();
     viscera.themeCharts(charts);
-    if (status.dataset.state === "loading") status.dataset.state = "ready";
+    page.ready();
   }
-  start().catch(error => fail(error.message));
+  start().catch(error => page.fail(error.message));
 })();

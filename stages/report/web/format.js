@@ -1,6 +1,8 @@
 // Shared by all scripts of the page: element building (text only ever enters as text nodes, so
 // nothing in the data can become markup), number formats and colours.
 "use strict";
+
+const byId = id => document.getElementById(id);
 const viscera = {};
 
 viscera.element = function (tag, attributes, ...children) {

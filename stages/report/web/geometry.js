@@ -42,3 +42,10 @@ viscera.unpack = async function (base64, meta) {
   if (at !== bytes.length) throw new Error("the geometry in this page is incomplete");
   return {triangles, rest: positions[0], frames: positions.slice(1), ratios};
 };
+
+// Which of ascending times is nearest to a time.
+viscera.nearest = function (times, time) {
+  let best = 0;
+  times.forEach((t, i) => { if (Math.abs(t - time) < Math.abs(times[best] - time)) best = i; });
+  return best;
+};

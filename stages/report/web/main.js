@@ -1,47 +1,15 @@
-// Puts the page together: the 3D view first, then tables, then plots. Time, theme and view can be
-// set in the address: #t=0.5&theme=dark&colour=ratio&view=A&edges=1&play=1. The state of the page
-// stands in #status: loading, ready or failed, the milliseconds to the first frame, and the
-// rectangle of the 3D view.
+// Puts the page together: the 3D view first, then tables, then plots. The view can be set in the
+// address, as time and theme (page.js) can: #t=0.5&theme=dark&colour=ratio&view=A&edges=1&play=1.
 "use strict";
 
 (function () {
-  const report = JSON.parse(byId("report").textContent);
-  const asked = new URLSearchParams(location.hash.slice(1));
-  const status = byId("status");
   const timeCharts = [], charts = [];
   let viewer = null, times = [], frame = 0, playing = false;
-
-  function fail(message) {
-    status.dataset.state = "failed";
-    status.append(message + "\n");
+  const page = viscera.openPage(charts, () => { if (viewer) viewer.theme(); }, message =>
     byId("verdict").append(viscera.element("p", {class: "fail"},
-      "This page could not be drawn completely: " + message));
-  }
-  window.addEventListener("error", event => fail(event.message));
-  window.addEventListener("unhandledrejection", event => fail(String(event.reason)));
+      "This page could not be drawn completely: " + message)));
+  const {report, asked} = page;
 
-  function setTheme(name) {
-    document.documentElement.dataset.theme = name;
-    byId("theme").textContent = name === "dark" ? "Light" : "Dark";
-    byId("theme").setAttribute("aria-label",
-      "Switch to the " + (name === "dark" ? "light" : "dark") + " theme");
-    if (viewer) viewer.theme();
-    viscera.themeCharts(charts);
-  }
-  const prefersDark = matchMedia("(prefers-color-scheme: dark)");
-  const wanted = asked.get("theme");
-  const preferred = prefersDark.matches ? "dark" : "light";
-  setTheme(["dark", "light"].includes(wanted) ? wanted : preferred);
-  prefersDark.addEventListener("change", e => setTheme(e.matches ? "dark" : "light"));
-  byId("theme").addEventListener("click", () =>
-    setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
-
-  // The frame whose time is nearest.
-  function frameAt(time) {
-    let best = 0;
-    times.forEach((t, i) => { if (Math.abs(t - time) < Math.abs(times[best] - time)) best = i; });
-    return best;
-  }
   function show(index) {
     frame = index;
     byId("time").value = index;
@@ -142,12 +110,7 @@
       viscera.drawTriad(byId("triad"), camera);
       updateScale();
     });
-    viewer.onDrawn(() => {
-      if (status.dataset.firstFrameMs) return;
-      status.dataset.firstFrameMs = Math.round(performance.now());
-      const box = byId("canvas").getBoundingClientRect();
-      status.dataset.canvas = [box.left, box.top, box.width, box.height].map(Math.round).join(",");
-    });
+    page.noteFirstFrame(viewer);
   }
 
   function applyAddress() {
@@ -159,7 +122,7 @@
     if (["A", "L", "S", "oblique"].includes(asked.get("view"))) viewer.look(asked.get("view"));
     if (asked.get("edges") === "1") byId("edges").click();
     const time = Number(asked.get("t"));
-    if (times.length) show(asked.has("t") && isFinite(time) ? frameAt(time) : 0);
+    if (times.length) show(asked.has("t") && isFinite(time) ? viscera.nearest(times, time) : 0);
     updateLegend();
   }
 
@@ -175,7 +138,7 @@
       byId("view-notice").hidden = false;
       byId("transport").hidden = true;
       viscera.labelTable("labels", report);
-      status.append("view: " + error.message + "\n");
+      page.note("view: " + error.message);
       return;
     }
     times = meta.times_s;
@@ -220,7 +183,7 @@
       timeCharts.push(...viscera.timeCharts(byId("time-charts"), series, {
         time: () => viewer && times.length ? times[frame] : null,
         rest: () => typeof rest === "number" ? rest : null,
-        seek: time => { if (viewer && times.length) { setPlaying(false); show(frameAt(time)); } },
+        seek: time => { if (viewer && times.length) { setPlaying(false); show(viscera.nearest(times, time)); } },
       }));
       if (series.inverted && series.inverted.every(v => v === 0)) {
         byId("time-note").textContent = "No tet was inverted in any frame.";
@@ -231,14 +194,6 @@
     }
     charts.push(...timeCharts);
     viscera.themeCharts(charts);
-  }
-
-  function drawNavigation() {
-    for (const section of document.querySelectorAll("main > section.panel")) {
-      if (section.hidden) continue;
-      byId("nav").append(viscera.element("a", {href: "#" + section.id},
-        section.dataset.short));
-    }
   }
 
   async function start() {
@@ -258,15 +213,13 @@
     viscera.stageTable(report);
     viscera.metricList(report);
     viscera.provenance(report);
-    byId("report-version").textContent = report.version;
-    byId("page-libraries").textContent =
-      Object.entries(report.libraries).map(([name, version]) => name + " " + version).join(", ");
+    page.showVersions();
     byId("time-course").hidden = !hasTimeCourse();
-    drawNavigation();
+    page.showNavigation();
     await new Promise(resolve => requestAnimationFrame(() => setTimeout(resolve)));
     drawCharts();
     if (asked.get("play") === "1" && times.length) setPlaying(true);
-    if (status.dataset.state === "loading") status.dataset.state = "ready";
+    page.ready();
   }
-  start().catch(error => fail(error.message));
+  start().catch(error => page.fail(error.message));
 })();

@@ -3,7 +3,6 @@
 "use strict";
 
 const el = (...args) => viscera.element(...args);
-const byId = id => document.getElementById(id);
 const number = content => el("td", {class: "number"}, content);
 const code = text => el("code", {}, text);
 const stageTitles = {labels: "Labels", surface: "Surface", tetmesh: "Tet mesh",

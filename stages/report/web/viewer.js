@@ -6,15 +6,8 @@
 
 viscera.createViewer = function (canvas, meta, data) {
   const n = meta.vertices;
-  const renderer = new THREE.WebGLRenderer({canvas, antialias: true});
-  const scene = new THREE.Scene();
-  const camera = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.1, 1000);
-  camera.up.set(0, 0, 1);
-  const lamp = new THREE.DirectionalLight(0xffffff);
-  const sky = new THREE.HemisphereLight(0xffffff, 0x8090a0);
-  lamp.position.set(0.4, 0.7, 1);
-  camera.add(lamp);
-  scene.add(camera, sky);
+  const view = viscera.createView(canvas, fit, {"0": () => look("oblique")});
+  const {scene, camera, request} = view;
 
   const state = {frame: 0, colour: "label", translucent: true, edges: false, hidden: new Set()};
   const position = new THREE.BufferAttribute(new Float32Array(3 * n), 3);
@@ -148,9 +141,9 @@ viscera.createViewer = function (canvas, meta, data) {
   function updateMaterials() {
     const byLabel = state.colour === "label";
     // A field's colours must stay those of the legend: little shade, and never brighter than given.
-    lamp.intensity = byLabel ? 0.75 : 0.3;
-    sky.intensity = byLabel ? 0.55 : 0.7;
-    sky.groundColor.set(byLabel ? "#8090a0" : "#d8d8d8");
+    view.lamp.intensity = byLabel ? 0.75 : 0.3;
+    view.sky.intensity = byLabel ? 0.55 : 0.7;
+    view.sky.groundColor.set(byLabel ? "#8090a0" : "#d8d8d8");
     const inner = surface => surface.labels.length > 1;
     const inside = surfaces.some(s => inner(s) && ![undefined, largest].includes(shownLabel(s)));
     for (const surface of surfaces) {
@@ -179,18 +172,9 @@ viscera.createViewer = function (canvas, meta, data) {
   const size = meta.step_mm.map(step => step * 65535);
   const centre = new THREE.Vector3(...meta.box_lo_mm.map((lo, k) => lo + size[k] / 2));
   const radius = Math.max(Math.hypot(...size) / 2, 1e-3);
-  const controls = new THREE.OrbitControls(camera, canvas);
-  controls.enableKeys = false;
-  controls.screenSpacePanning = true;
   const directions = {A: [0, -1, 0], L: [1, 0, 0], S: [0, -0.001, 1], oblique: [0.55, -1, 0.4]};
   function look(name) {
-    const direction = new THREE.Vector3(...directions[name]).normalize();
-    controls.target.copy(centre);
-    camera.position.copy(centre).addScaledVector(direction, 4 * radius);
-    camera.near = radius / 10;
-    camera.far = 10 * radius;
-    camera.zoom = 1;
-    controls.update();
+    view.look(new THREE.Vector3(...directions[name]).normalize(), centre, radius);
     fit();
   }
 
@@ -203,34 +187,9 @@ viscera.createViewer = function (canvas, meta, data) {
       across += Math.abs(e[k]) * size[k] / 2;
       up += Math.abs(e[4 + k]) * size[k] / 2;
     }
-    const aspect = canvas.clientWidth / Math.max(canvas.clientHeight, 1);
-    const half = 1.12 * Math.max(up, across / aspect, 1e-3);
-    camera.top = half;
-    camera.bottom = -half;
-    camera.right = half * aspect;
-    camera.left = -half * aspect;
-    camera.updateProjectionMatrix();
-    request();
+    view.show(1.12 * Math.max(up, across / view.aspect(), 1e-3));
   }
 
-  let pending = false;
-  const drawn = [];
-  function request() {
-    if (pending) return;
-    pending = true;
-    requestAnimationFrame(() => {
-      pending = false;
-      renderer.render(scene, camera);
-      for (const callback of drawn) callback(camera);
-    });
-  }
-  function resize() {
-    const {clientWidth: w, clientHeight: h} = canvas;
-    if (w === 0 || h === 0) return;
-    renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
-    renderer.setSize(w, h, false);
-    fit();
-  }
   function redraw() {
     updatePositions();
     if (marks) marks.move();
@@ -242,40 +201,11 @@ viscera.createViewer = function (canvas, meta, data) {
     updateMaterials();
     request();
   }
-  function turn(across, up) {
-    const {x, y, z} = camera.position.clone().sub(controls.target);
-    const s = new THREE.Spherical().setFromVector3(new THREE.Vector3(x, z, -y));
-    s.theta += across;
-    s.phi = Math.min(Math.max(s.phi + up, 0.01), Math.PI - 0.01);
-    const v = new THREE.Vector3().setFromSpherical(s);
-    camera.position.copy(controls.target).add(new THREE.Vector3(v.x, -v.z, v.y));
-    controls.update();
-    request();
-  }
-  function zoom(factor) {
-    camera.zoom = Math.min(Math.max(camera.zoom * factor, 0.2), 50);
-    camera.updateProjectionMatrix();
-    request();
-  }
-  canvas.addEventListener("keydown", event => {
-    const keys = {ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0),
-                  ArrowUp: () => turn(0, -0.1), ArrowDown: () => turn(0, 0.1),
-                  "+": () => zoom(1.15), "=": () => zoom(1.15), "-": () => zoom(1 / 1.15),
-                  "0": () => look("oblique")};
-    if (!keys[event.key] || event.ctrlKey || event.metaKey) return;
-    keys[event.key]();
-    event.preventDefault();
-  });
-  controls.addEventListener("change", request);
-  new ResizeObserver(resize).observe(canvas);
-
   function theme() {
-    const style = getComputedStyle(document.documentElement);
-    renderer.setClearColor(style.getPropertyValue("--view-bg").trim());
-    lineMaterial.color.set(style.getPropertyValue("--ink").trim());
-    if (marks) marks.colour(style.getPropertyValue("--fail").trim());
-    if (ground) ground.material.color.set(style.getPropertyValue("--muted").trim());
-    request();
+    view.theme();
+    lineMaterial.color.set(view.themed("--ink"));
+    if (marks) marks.colour(view.themed("--fail"));
+    if (ground) ground.material.color.set(view.themed("--muted"));
   }
   // The plane on which the body lands: `clearance` mm below the lowest rest point, along `normal`.
   const gridCell = viscera.roundLength(radius / 4);
@@ -310,18 +240,18 @@ viscera.createViewer = function (canvas, meta, data) {
     });
     const moved = m => places[m].map((x, axis) =>
       x + place(stored(), axis, nearest[m]) - place(data.rest, axis, nearest[m]));
-    marks = viscera.createMarks(scene, renderer.getPixelRatio(), places.length, moved);
+    marks = viscera.createMarks(scene, view.renderer.getPixelRatio(), places.length, moved);
     theme();
   }
 
   theme();
-  resize();
+  view.resize();
   look("oblique");
   redraw();
   restyle();
   return {
     addGround, addMarks, colours, gridCell, look, theme, range: rangeOf,
-    onDrawn: callback => drawn.push(callback),
+    onDrawn: view.onDrawn,
     setFrame(frame) { state.frame = frame; redraw(); },
     setColour(mode) { state.colour = mode; restyle(); },
     setTranslucent(on) { state.translucent = on; restyle(); },
