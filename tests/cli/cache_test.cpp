@@ -11,10 +11,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
-
 constexpr const char* all_ran = "alpha run\nbeta run\ngamma run\n";
 
 class Cache : public testing::Test {

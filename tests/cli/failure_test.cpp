@@ -13,16 +13,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
-
-int count(const std::string& text, const std::string& part) {
-  int found = 0;
-  for (auto at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++found;
-  return found;
-}
-
 // Nothing of an unfinished stage may be left where a later run could take it for a result.
 void expect_intact(const Workplace& work) {
   EXPECT_TRUE(fs::is_empty(work.path("out/.cache/work")));

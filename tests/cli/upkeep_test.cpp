@@ -13,10 +13,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
-
 class Upkeep : public testing::Test {
  protected:
   Upkeep() { make(4), make(5), make(6); }

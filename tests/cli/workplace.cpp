@@ -39,6 +39,16 @@ void link_or_copy(const fs::path& from, const fs::path& to) {
 
 }  // namespace
 
+bool contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+int count(const std::string& text, const std::string& part) {
+  int found = 0;
+  for (auto at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++found;
+  return found;
+}
+
 Workplace::Workplace() : folder_(fs::temp_directory_path()) {
   fs::create_directory(path("bin"));
   const fs::path built = VISCERA_BIN;

@@ -19,6 +19,9 @@ struct CommandResult {
   std::string errors;  // stderr
 };
 
+bool contains(const std::string& text, const std::string& part);
+int count(const std::string& text, const std::string& part);  // how often it occurs
+
 class Workplace {
  public:
   // With spec.yaml over alpha, beta and gamma, and volume.txt.
