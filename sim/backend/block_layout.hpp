@@ -83,6 +83,9 @@ struct LocalVertex {
   int vertex;
   Range copies;  // counted from the block's first
 };
+struct CopyRange {  // the same as a device has it
+  std::uint16_t begin, count;
+};
 
 // Constant data of the local vertices, in the order of the layout.
 template <class T>
@@ -91,7 +94,8 @@ struct LocalConstants {
   std::vector<T> inverse_mass;  // 1/kg, the vertex's
   std::vector<T> mobility;      // s2/kg, of a copy
   std::vector<T> share;         // of a copy in the average over all of the vertex
-  std::vector<int> leader;      // which motion effect leads it, or -1; empty where there is none
+  std::vector<CopyRange> copies;
+  std::vector<int> leader;  // which motion effect leads it, or -1; empty where there is none
 };
 
 class BlockLayout {
@@ -152,6 +156,9 @@ class BlockLayout {
       result.inverse_mass.push_back(w);
       result.mobility.push_back(copies * w * dt2);
       result.share.push_back(T(1) / copies);
+      const auto [begin, end] = local.copies;
+      result.copies.push_back(
+          {static_cast<std::uint16_t>(begin), static_cast<std::uint16_t>(end - begin)});
     }
     int motions = 0;
     for_each_slot<EffectKind::motion>(program.effects, [&]<class Effect>(const auto& motion) {

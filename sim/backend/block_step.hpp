@@ -79,16 +79,16 @@ SIM_HD int* view_of_block(const EffectView<Effect, T>& all, int block, int lane,
 }
 
 // All that a scene names.
-template <class Effect, class T>
-struct BlockViews {
-  const BlockView<Effect, T>* items = nullptr;
+template <class View>
+struct Views {
+  const View* items = nullptr;
   int count = 0;
 };
 template <class T>
 struct BlockScene {
   template <class Effect>
-  using Views = BlockViews<Effect, T>;
-  Effects::Joined<Views> effects;
+  using ViewsOf = Views<BlockView<Effect, T>>;
+  Effects::Joined<ViewsOf> effects;
   T dt;  // s
 };
 
@@ -105,7 +105,7 @@ constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
   int k = 0;
   Effects::for_each([&]<class Effect, std::size_t index>() {
     if constexpr (Effect::kind == kind && (set >> index & 1)) {
-      const BlockViews<Effect, T>& views = scene.effects;
+      const Views<BlockView<Effect, T>>& views = scene.effects;
       for (int i = 0; i < views.count; ++i)
         function.template operator()<Effect>(views.items[i], k++);
     }
@@ -113,9 +113,6 @@ constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
 }
 
 // A block's vertices. Their copies differ while elements are solved, and only in d.
-struct CopyRange {
-  std::uint16_t begin, count;
-};
 template <class T>
 struct BlockVertices {
   Row<T>* u;                // [copies] m, and the vertex's inverse mass, 1/kg

@@ -20,18 +20,13 @@ inline constexpr EffectSet damped_tissue = tissue | effect_set<Viscosity, Prescr
 
 // What a frame's kernel is given; arrays over the local vertices of all blocks unless said
 // otherwise. A grid runs the blocks of the first member, then those of the next.
-template <class Effect, class T>
-struct EffectViews {
-  const EffectView<Effect, T>* items = nullptr;  // [members * count]
-  int count = 0;
-};
 template <class T>
 struct Frame {
   template <class Effect>
-  using Views = EffectViews<Effect, T>;
-  Effects::Joined<Views> effects;
-  Vec3<T>* u;  // [members * locals]
-  Vec3<T>* v;  // likewise
+  using ViewsOf = Views<EffectView<Effect, T>>;
+  Effects::Joined<ViewsOf> effects;  // items [members * count]
+  Vec3<T>* u;                        // [members * locals]
+  Vec3<T>* v;                        // likewise
   const Vec3<T>* rest;
   const T* inverse_mass;
   const T* mobility;
@@ -256,7 +251,7 @@ struct BlockMemory {
     table = take<int>(at, frame.most_table);
     views = at;
     Effects::for_each([&]<class Effect, std::size_t>() {
-      const EffectViews<Effect, T>& all = frame.effects;
+      const Views<EffectView<Effect, T>>& all = frame.effects;
       if (all.count > 0) take<BlockView<Effect, T>>(at, all.count);
     });
     work = take<unsigned char>(at, 0);
@@ -275,14 +270,14 @@ __device__ BlockScene<T> scene_of_block(const Frame<T>& frame, int member, int b
   int* table = own.table;
   Effects::for_each([&]<class Effect, std::size_t i>() {
     if constexpr (set >> i & 1) {
-      const EffectViews<Effect, T>& all = frame.effects;
+      const Views<EffectView<Effect, T>>& all = frame.effects;
       if (all.count == 0) return;
       auto* const views = BlockMemory<T>::template take<BlockView<Effect, T>>(at, all.count);
       for (int k = 0; k < all.count; ++k) {
         table = view_of_block(all.items[member * all.count + k], block, threadIdx.x, blockDim.x,
                               table, views[k]);
       }
-      static_cast<BlockViews<Effect, T>&>(scene.effects) = {in_shared(views), all.count};
+      static_cast<Views<BlockView<Effect, T>>&>(scene.effects) = {in_shared(views), all.count};
     }
   });
   scene.dt = static_cast<T>(frame.dt);

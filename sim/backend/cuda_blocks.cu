@@ -201,11 +201,8 @@ class CudaBlocks final : public Ensemble {
 
   void place_vertices() {
     const LocalConstants<T> constants = layout_.constants(program_);
-    std::vector<CopyRange> copies;
     std::vector<int> local_begin = {0}, shared_end, gather_begin = {0}, gather;
     for (const LocalVertex& local : layout_.locals()) {
-      copies.push_back({static_cast<std::uint16_t>(local.copies.begin),
-                        static_cast<std::uint16_t>(local.copies.end - local.copies.begin)});
       const auto& all = layout_.locals_of(local.vertex);
       if (all.size() > 1) gather.insert(gather.end(), all.begin(), all.end());
       gather_begin.push_back(static_cast<int>(gather.size()));
@@ -230,7 +227,7 @@ class CudaBlocks final : public Ensemble {
     frame_.mobility = (mobility_ = DeviceArray<T>(constants.mobility)).get();
     frame_.share = (share_ = DeviceArray<T>(constants.share)).get();
     frame_.leader = (leader_ = DeviceArray<int>(constants.leader)).get();
-    frame_.copies = (copies_ = DeviceArray<CopyRange>(copies)).get();
+    frame_.copies = (copies_ = DeviceArray<CopyRange>(constants.copies)).get();
     frame_.local_begin = (local_begin_ = DeviceArray<int>(local_begin)).get();
     frame_.shared_end = (shared_end_ = DeviceArray<int>(shared_end)).get();
     frame_.gather_begin = (gather_begin_ = DeviceArray<int>(gather_begin)).get();
@@ -242,7 +239,7 @@ class CudaBlocks final : public Ensemble {
     EffectSet named = 0;
     Effects::for_each([&]<class Effect, std::size_t i>() {
       const int count = static_cast<int>(std::get<i>(program_.effects).size());
-      static_cast<EffectViews<Effect, T>&>(frame_.effects).count = count;
+      static_cast<Views<EffectView<Effect, T>>&>(frame_.effects).count = count;
       if (count > 0) named |= EffectSet{1} << i;
       if (Effect::kind == EffectKind::contact) frame_.contacts += count;
       if (Effect::kind == EffectKind::element) frame_.most_table += count * usual_table;
@@ -301,7 +298,7 @@ class CudaBlocks final : public Ensemble {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       auto& array = static_cast<ArrayOf<Effect>&>(views_).array;
       array = ViewArray<Effect>(std::get<i>(host_views_));
-      static_cast<EffectViews<Effect, T>&>(frame_.effects).items = array.get();
+      static_cast<Views<EffectView<Effect, T>>&>(frame_.effects).items = array.get();
     });
   }
 

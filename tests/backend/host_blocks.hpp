@@ -26,10 +26,6 @@ class HostBlocks final : public Solver {
         v_(layout_.locals().size()),
         u_(layout_.copies_in(layout_.block_count() - 1).end),
         d_(u_.size()) {
-    for (const LocalVertex& local : layout_.locals()) {
-      copies_.push_back({static_cast<std::uint16_t>(local.copies.begin),
-                         static_cast<std::uint16_t>(local.copies.end - local.copies.begin)});
-    }
     for (int block = 0; block < layout_.block_count(); ++block) {
       const int first = layout_.locals_in(block).begin;
       for_each_local(block, [&](const auto& x, int i, int) {
@@ -82,7 +78,7 @@ class HostBlocks final : public Solver {
       const Range locals = layout_.locals_in(block);
       for (int i = locals.begin; i < locals.end; ++i) {
         const int vertex = layout_.locals()[i].vertex;
-        const int copy = layout_.copies_in(block).begin + copies_[i].begin;
+        const int copy = layout_.copies_in(block).begin + constants_.copies[i].begin;
         state.u[vertex] = cast<double>(u_[copy].v);
         state.v[vertex] = cast<double>(v_[i]);
       }
@@ -150,7 +146,7 @@ class HostBlocks final : public Solver {
             views.push_back({effect.device});
           }
         }
-        static_cast<BlockViews<Effect, T>&>(scenes_[block].effects) = {
+        static_cast<Views<BlockView<Effect, T>>&>(scenes_[block].effects) = {
             views.data(), static_cast<int>(views.size())};
       });
     }
@@ -165,7 +161,7 @@ class HostBlocks final : public Solver {
             v_.data() + first,
             corrections_.data() + contacts_ * first,
             constants_.rest.data() + first,
-            copies_.data() + first,
+            constants_.copies.data() + first,
             constants_.share.data() + first,
             constants_.leader.empty() ? nullptr : constants_.leader.data() + first,
             locals.end - first};
@@ -218,7 +214,6 @@ class HostBlocks final : public Solver {
   std::uint64_t step_ = 0;
   int contacts_ = 0;  // contact effects named
   LocalConstants<T> constants_;
-  std::vector<CopyRange> copies_;
   std::vector<Vec3<T>> v_, corrections_;
   std::vector<Row<T>> u_, d_;
 };
