@@ -24,14 +24,12 @@ struct Team {
 inline Team team_for(int tets_per_block) {
   if (tets_per_block <= 640) return {one_warp, 16};
   if (tets_per_block <= 2500) return {128, 16};
-  return {256, 40};
+  return {512, 28};
 }
 
-// An element's vertices, counted from its block's first copy; aligned to be loaded at once.
+// An element's vertices, counted from its block's first copy; aligned to be copied at once.
 template <int arity>
-struct alignas(arity % 4 == 0   ? 8
-               : arity % 2 == 0 ? 4
-                                : 2) LocalVertices {
+struct alignas(arity > 2 ? 8 : 4) LocalVertices {
   std::uint16_t index[arity];
   SIM_HD int operator[](int i) const { return index[i]; }
 };
@@ -42,39 +40,42 @@ struct alignas(16) AlignedRest {
   Rest rest;
 };
 
-// The elements of one effect, block by block, within a block piece by piece, within a piece phase
-// by phase. A block works on a piece at a time: on as many elements as it has room for, and all
-// pieces of the fullest block are of one size. The elements of a phase share no vertex and are no
-// more than the lanes.
+// The elements of one effect, block by block, within a block phase by phase. The elements of a
+// phase share no vertex and are no more than the lanes.
 template <class Effect, class T>
 struct BlockElements {
   std::vector<LocalVertices<Effect::arity>> vertices;
   std::vector<AlignedRest<typename Effect::template Rest<T>>> rest;
-  std::vector<int> element_of;             // in the order of the program
-  std::vector<int> phase_begin = {0};      // [phases + 1] first element
-  std::vector<int> piece_phase = {0};      // [pieces + 1] first phase
-  std::vector<int> block_piece = {0};      // [blocks + 1] first piece
-  int most_elements = 0, most_phases = 0;  // of a piece
+  std::vector<int> element_of;         // in the order of the program
+  std::vector<int> phase_begin = {0};  // [phases + 1] first element
+  std::vector<int> block_phase = {0};  // [blocks + 1] first phase
 
   int element_count() const { return static_cast<int>(element_of.size()); }
-  int phase_count() const { return static_cast<int>(phase_begin.size()) - 1; }
   int elements_in_phase() const { return element_count() - phase_begin.back(); }
-  int elements_in_piece() const { return element_count() - phase_begin[piece_phase.back()]; }
 
   void end_phase() {
     if (elements_in_phase() > 0) phase_begin.push_back(element_count());
   }
-  void end_piece() {
-    end_phase();
-    const int phases = phase_count() - piece_phase.back();
-    if (phases == 0) return;
-    most_elements = std::max(most_elements, elements_in_piece());
-    most_phases = std::max(most_phases, phases);
-    piece_phase.push_back(phase_count());
+  void end_block() { block_phase.push_back(static_cast<int>(phase_begin.size()) - 1); }
+
+  Range phases_of(int block) const { return {block_phase[block], block_phase[block + 1]}; }
+  // Of the fullest block.
+  int most_elements() const {
+    return most(
+        [this](Range phases) { return phase_begin[phases.end] - phase_begin[phases.begin]; });
   }
-  void end_block() {
-    end_piece();
-    block_piece.push_back(static_cast<int>(piece_phase.size()) - 1);
+  int most_phases() const {
+    return most([](Range phases) { return phases.end - phases.begin; });
+  }
+
+ private:
+  template <class Count>
+  int most(Count&& count) const {
+    int result = 0;
+    for (int block = 0; block + 1 < static_cast<int>(block_phase.size()); ++block) {
+      result = std::max(result, count(phases_of(block)));
+    }
+    return result;
   }
 };
 
@@ -171,19 +172,14 @@ class BlockLayout {
     return result;
   }
 
-  // `capacity` elements of a piece at most.
   template <class Effect, class T>
-  BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect, int capacity) const {
+  BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect) const {
     const auto members = members_of(effect);
-    int most = 1;
-    for (const auto& elements : members) most = std::max(most, static_cast<int>(elements.size()));
-    const int pieces = (most - 1) / capacity + 1;
-    const int piece_size = (most - 1) / pieces + 1;
     Meetings meetings(split_.vertex_count());
     BlockElements<Effect, T> result;
     for (int block = 0; block < block_count(); ++block) {
       meetings.count(effect, members[block]);
-      append(effect, block, members[block], meetings, piece_size, result);
+      append(effect, block, members[block], meetings, result);
       result.end_block();
     }
     result.rest = rest_of(effect, result.element_of);
@@ -237,7 +233,7 @@ class BlockLayout {
 
   template <class Effect, class T>
   void append(const Prepared<Effect, T>& effect, int block, const std::vector<int>& members,
-              Meetings& meetings, int piece_size, BlockElements<Effect, T>& to) const {
+              Meetings& meetings, BlockElements<Effect, T>& to) const {
     constexpr int arity = Effect::arity;
     const Range copies = copies_in(block);
     std::vector<std::array<int, arity>> local;
@@ -249,16 +245,14 @@ class BlockLayout {
         v = split_.copy_of(block, v) + part - copies.begin;
       }
     }
-    Coloring coloring = color_elements<arity>(std::span<const std::array<int, arity>>(local),
-                                              copies.end - copies.begin);
+    Coloring coloring = color_by_saturation<arity>(std::span<const std::array<int, arity>>(local),
+                                                   copies.end - copies.begin, team_.lanes);
     for (int color = 0; color < coloring.color_count(); ++color) {
       const int color_size = coloring.color_begin[color + 1] - coloring.color_begin[color];
       spread_over_banks<arity>(
           std::span(coloring.order).subspan(coloring.color_begin[color], color_size), local,
           static_cast<int>(bank_bytes / sizeof(Row<T>)));
       for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
-        if (to.elements_in_piece() == piece_size) to.end_piece();
-        if (to.elements_in_phase() == team_.lanes) to.end_phase();
         const int e = coloring.order[at];
         to.element_of.push_back(members[e]);
         auto& vertices = to.vertices.emplace_back();

@@ -3,8 +3,6 @@
 // tests call them one after the other.
 #pragma once
 
-#include <limits>
-
 #include "sim/backend/block_layout.hpp"
 #include "sim/row.hpp"
 #include "sim/solvers/linearized.hpp"
@@ -25,8 +23,8 @@ struct BlockView<Effect, T, EffectKind::element> {
   const Rest* rest;
   T* memory;
   const int* phase_begin;  // [phases + 1] first element
-  const int* piece_phase;  // [pieces + 1] first phase
-  int pieces;
+  int phases;
+  int close;  // where a device keeps `rest` and `vertices` in shared memory, bytes; -1: nowhere
 };
 template <class Effect, class T>
 struct BlockView<Effect, T, EffectKind::region> {};
@@ -43,14 +41,14 @@ struct EffectView<Effect, T, EffectKind::element> {
   const typename Block::Rest* rest;
   T* memory;
   const int* phase_begin;
-  const int* piece_phase;
-  const int* block_piece;  // [blocks + 1] first piece
+  const int* block_phase;  // [blocks + 1] first phase
+  int close = -1;
 };
 
 // A sweep reads ahead in the table of phases, where the last bound stands again and again.
 inline constexpr int phases_ahead = 4;
-inline int table_size(int pieces, int phases) {
-  return pieces + 1 + phases + phases_ahead;
+inline int table_size(int phases) {
+  return phases + phases_ahead;
 }
 
 // The part of one block, by `lanes` lanes of which this is `lane`. Fills `table`, and returns where
@@ -59,19 +57,16 @@ template <class Effect, class T>
 SIM_HD int* view_of_block(const EffectView<Effect, T>& all, int block, int lane, int lanes,
                           int* table, BlockView<Effect, T>& view) {
   if constexpr (Effect::kind == EffectKind::element) {
-    const int piece = all.block_piece[block], pieces = all.block_piece[block + 1] - piece;
-    const int phase = all.piece_phase[piece], phases = all.piece_phase[piece + pieces] - phase;
+    const int phase = all.block_phase[block], phases = all.block_phase[block + 1] - phase;
     const int first = all.phase_begin[phase];
-    int* const bounds = table + pieces + 1;
-    for (int p = lane; p <= pieces; p += lanes) table[p] = all.piece_phase[piece + p] - phase;
     for (int p = lane; p < phases + phases_ahead; p += lanes) {
-      bounds[p] = all.phase_begin[phase + (p < phases ? p : phases)] - first;
+      table[p] = all.phase_begin[phase + (p < phases ? p : phases)] - first;
     }
     if (lane == 0) {
       T* const memory = all.memory + static_cast<std::size_t>(first) * memory_of<Effect>;
-      view = {all.vertices + first, all.rest + first, memory, bounds, table, pieces};
+      view = {all.vertices + first, all.rest + first, memory, table, phases, all.close};
     }
-    return bounds + phases + phases_ahead;
+    return table + phases + phases_ahead;
   } else {
     if (lane == 0) view = all;
     return table;
@@ -182,69 +177,7 @@ SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const 
   for_each_copy(x, i, [&](int copy) { x.u[copy] = row; });
 }
 
-// The rows of an element's vertices.
-template <class T, int arity>
-struct Gathered {
-  Vec3<T> u[arity], d[arity];
-  T mobility[arity];
-
-  template <class Local>
-  SIM_HD Gathered(const BlockVertices<T>& x, const Local& vertices) {
-    for (int i = 0; i < arity; ++i) {
-      u[i] = x.u[vertices[i]].v;
-      const Row<T> row = x.d[vertices[i]];
-      d[i] = row.v;
-      mobility[i] = row.w;
-    }
-  }
-};
-
-// An element solved where it is.
-template <class Effect, class T>
-SIM_HD void solve_element(const BlockVertices<T>& x,
-                          const typename BlockView<Effect, T>::Local& vertices,
-                          const typename Effect::template Rest<T>& rest, T* memory) {
-  Gathered<T, Effect::arity> here(x, vertices);
-  Vec3<T> p[Effect::arity];
-  element_impulses<Effect, Arithmetic::xpbd_only>(rest, here.mobility,
-                                                  SweepConstants<T>{T(1), T(1)}, here.u, here.d,
-                                                  static_cast<T*>(nullptr), memory, p);
-  for (int i = 0; i < Effect::arity; ++i) {
-    x.d[vertices[i]] = {here.d[i] + here.mobility[i] * p[i], here.mobility[i]};
-  }
-}
-
-// An element as a sweep over linearised ones needs it: one piece of memory, read at once.
-template <class Effect, class T>
-struct alignas(16) LinearizedElement {
-  Linearized<T, Effect::rows, Effect::arity> linearized;
-  LocalVertices<Effect::arity> vertices;
-};
-
-// What a block needs for each linearised element of a piece, bytes.
-template <class Effect, class T>
-inline constexpr std::size_t work_of_element = [] {
-  if constexpr (is_linearizable<Effect>) return sizeof(LinearizedElement<Effect, T>);
-  return std::size_t{0};
-}();
-template <class Effect, class T>
-int piece_capacity(std::size_t bytes) {
-  constexpr std::size_t each = work_of_element<Effect, T>;
-  if constexpr (each == 0) return std::numeric_limits<int>::max();
-  return std::max(1, static_cast<int>(bytes / std::max<std::size_t>(1, each)));
-}
-
-template <class Effect, class T>
-SIM_HD void linearize_element(const BlockVertices<T>& x,
-                              const typename BlockView<Effect, T>::Local& vertices,
-                              const typename Effect::template Rest<T>& rest, T* memory,
-                              LinearizedElement<Effect, T>& out) {
-  const Gathered<T, Effect::arity> here(x, vertices);
-  linearize<Effect>(rest, here.mobility, here.u, here.d, memory, out.linearized);
-  out.vertices = vertices;
-}
-
-// The displacements that a linearised element works on.
+// Displacements of an element's vertices, with their mobilities.
 template <class T, int arity>
 struct Rows {
   Row<T> row[arity];
@@ -252,7 +185,67 @@ struct Rows {
   SIM_HD Rows(const BlockVertices<T>& x, const LocalVertices<arity>& vertices) {
     for (int i = 0; i < arity; ++i) row[i] = x.d[vertices[i]];
   }
+  SIM_HD void split(Vec3<T> (&d)[arity], T (&mobility)[arity]) const {
+    for (int i = 0; i < arity; ++i) {
+      d[i] = row[i].v;
+      mobility[i] = row[i].w;
+    }
+  }
 };
+
+// Where an element's vertices were at the start of the substep; no row of a sweep changes it.
+template <class T, int arity>
+SIM_HD void displacements_at_start(const BlockVertices<T>& x, const LocalVertices<arity>& vertices,
+                                   Vec3<T> (&u)[arity]) {
+  for (int i = 0; i < arity; ++i) u[i] = x.u[vertices[i]].v;
+}
+
+// An element solved where it is.
+template <class Effect, class T, int arity = Effect::arity>
+SIM_HD void solve_element(const BlockVertices<T>& x, const LocalVertices<arity>& vertices,
+                          const typename Effect::template Rest<T>& rest, T* memory,
+                          const Vec3<T> (&u)[arity], const Rows<T, arity>& rows) {
+  Vec3<T> d[arity], p[arity];
+  T mobility[arity];
+  rows.split(d, mobility);
+  element_impulses<Effect, Arithmetic::xpbd_only>(rest, mobility, SweepConstants<T>{T(1), T(1)}, u,
+                                                  d, static_cast<T*>(nullptr), memory, p);
+  for (int i = 0; i < arity; ++i) {
+    x.d[vertices[i]] = {d[i] + mobility[i] * p[i], mobility[i]};
+  }
+}
+
+// An element as a sweep over linearised ones needs it: one piece of memory, read at once. Its size
+// is an odd number of 16 bytes, so that lanes side by side load from different banks.
+template <class Effect, class T>
+struct alignas(16) LinearizedElement {
+  static constexpr std::size_t used =
+      sizeof(Linearized<Effect, T>) + sizeof(LocalVertices<Effect::arity>);
+  Linearized<Effect, T> linearized;
+  LocalVertices<Effect::arity> vertices;
+  unsigned char spread[(used / 32 * 2 + (used % 32 < 16 ? 1 : 3)) * 16 - used];
+};
+
+// What a block needs for each of them, bytes.
+template <class Effect, class T>
+inline constexpr std::size_t work_of_element = [] {
+  if constexpr (is_linearizable<Effect>) return sizeof(LinearizedElement<Effect, T>);
+  return std::size_t{0};
+}();
+
+template <class Effect, class T>
+SIM_HD void linearize_element(const BlockVertices<T>& x,
+                              const typename BlockView<Effect, T>::Local& vertices,
+                              const typename Effect::template Rest<T>& rest, T* memory,
+                              LinearizedElement<Effect, T>& out) {
+  constexpr int arity = Effect::arity;
+  Vec3<T> u[arity], d[arity];
+  T mobility[arity];
+  displacements_at_start(x, vertices, u);
+  Rows<T, arity>(x, vertices).split(d, mobility);
+  linearize<Effect>(rest, mobility, u, d, memory, out.linearized);
+  out.vertices = vertices;
+}
 
 template <class Effect, class T>
 SIM_HD void solve_linearized(const BlockVertices<T>& x, const LinearizedElement<Effect, T>& element,
@@ -260,10 +253,7 @@ SIM_HD void solve_linearized(const BlockVertices<T>& x, const LinearizedElement<
   constexpr int arity = Effect::arity;
   Vec3<T> d[arity];
   T mobility[arity];
-  for (int i = 0; i < arity; ++i) {
-    d[i] = rows.row[i].v;
-    mobility[i] = rows.row[i].w;
-  }
+  rows.split(d, mobility);
   apply_linearized(element.linearized, mobility, d);
   for (int i = 0; i < arity; ++i) {
     if (active) x.d[element.vertices[i]] = {d[i], mobility[i]};

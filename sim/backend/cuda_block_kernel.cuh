@@ -49,6 +49,8 @@ struct Frame {
   int contacts;                                                          // contact effects named
   int most_locals, most_shared, most_copies, most_gathered, most_table;  // of a block
   int team;                                                              // lanes that sweep
+  bool linearizes;  // elements before a sweep, side by side: where a phase costs its latency
+  bool prefetches;  // the elements' constants: more than the device's cache holds
 };
 
 // Where a pointer leads: what the compiler knows it loads by shorter instructions.
@@ -63,6 +65,75 @@ __device__ Item* in_global(Item* pointer) {
   return pointer;
 }
 
+// A block's room for element effects. What is kept close for the whole frame lies behind what one
+// effect after the other uses.
+struct WorkSpace {
+  std::ptrdiff_t begin;  // bytes into the block's shared memory
+
+  template <class Item>
+  __device__ Item* as(int offset = 0) const {
+    extern __shared__ __align__(32) unsigned char shared[];
+    return reinterpret_cast<Item*>(shared + begin + offset);
+  }
+};
+
+// The constants of a block's elements: in shared memory for the whole frame where those of all
+// effects fit, otherwise where the device has them.
+template <class Effect, class T, bool close>
+struct Constants {
+  using Rest = typename BlockView<Effect, T>::Rest;
+  using Local = typename BlockView<Effect, T>::Local;
+  static constexpr std::size_t bytes = sizeof(Rest) + sizeof(Local);
+  const Rest* rest;
+  const Local* vertices;
+  bool prefetches = false;  // into the cache, one phase further ahead
+
+  __device__ void prefetch(int e) const {
+    if constexpr (!close) {
+      if (!prefetches) return;
+      asm volatile("prefetch.global.L1 [%0];" ::"l"(rest + e));
+      asm volatile("prefetch.global.L1 [%0];" ::"l"(vertices + e));
+    }
+  }
+  __device__ Rest rest_of(int e) const {
+    if constexpr (close) {
+      return rest[e];
+    } else {
+      return in_global(rest)[e];
+    }
+  }
+  __device__ Local vertices_of(int e) const {
+    if constexpr (close) {
+      return vertices[e];
+    } else {
+      return in_global(vertices)[e];
+    }
+  }
+};
+template <class Effect, class T>
+using CloseConstants = Constants<Effect, T, true>;
+
+// At the start of a frame: what is to stay close.
+template <class Effect, class T>
+__device__ CloseConstants<Effect, T> close_constants(const BlockView<Effect, T>& view, int count,
+                                                     WorkSpace work) {
+  using Close = CloseConstants<Effect, T>;
+  auto* const rest = work.as<typename Close::Rest>(view.close);
+  return {rest, reinterpret_cast<typename Close::Local*>(rest + count)};
+}
+template <class Effect, class T>
+__device__ void bring_close(const BlockView<Effect, T>& view, WorkSpace work) {
+  if (view.close < 0) return;
+  const int count = in_shared(view.phase_begin)[view.phases];
+  const auto close = close_constants(view, count, work);
+  auto* const rest = const_cast<typename BlockView<Effect, T>::Rest*>(close.rest);
+  auto* const vertices = const_cast<typename BlockView<Effect, T>::Local*>(close.vertices);
+  for (int e = static_cast<int>(threadIdx.x); e < count; e += static_cast<int>(blockDim.x)) {
+    rest[e] = view.rest[e];
+    vertices[e] = view.vertices[e];
+  }
+}
+
 // Elements that were linearised, in shared memory.
 template <class Effect, class T>
 struct LinearizedWork {
@@ -70,58 +141,66 @@ struct LinearizedWork {
   using Rows = sim::Rows<T, Effect::arity>;
   const BlockVertices<T>& x;
   const Item* elements;
-  int first;
 
-  __device__ Item fetch(int e) const { return in_shared(elements)[e - first]; }
+  __device__ Item fetch(int e) const { return elements[e]; }
+  __device__ void prefetch(int) const {}
+  __device__ void look_ahead(Item&) const {}
   __device__ Rows gather(const Item& item) const { return {x, item.vertices}; }
   __device__ void solve(const Item& item, const Rows& rows, bool active) const {
     solve_linearized(x, item, rows, active);
   }
 };
 
-// Elements that are evaluated one phase after the other.
-template <class Effect, class T>
+// Elements that are evaluated one phase after the other. What does not change within a sweep is
+// read before the phase begins.
+template <class Effect, class T, bool close>
 struct DirectWork {
   struct Item {
     typename BlockView<Effect, T>::Rest rest;
     typename BlockView<Effect, T>::Local vertices;
+    Vec3<T> u[Effect::arity];
     int element;
   };
-  struct Rows {};
+  using Rows = sim::Rows<T, Effect::arity>;
   const BlockVertices<T>& x;
-  const BlockView<Effect, T>& view;
+  Constants<Effect, T, close> constants;
+  T* memory;
 
   __device__ Item fetch(int e) const {
-    return {in_global(view.rest)[e], in_global(view.vertices)[e], e};
+    return {constants.rest_of(e), constants.vertices_of(e), {}, e};
   }
-  __device__ Rows gather(const Item&) const { return {}; }
-  __device__ void solve(const Item& item, const Rows&, bool active) const {
+  __device__ void prefetch(int e) const { constants.prefetch(e); }
+  __device__ void look_ahead(Item& item) const { displacements_at_start(x, item.vertices, item.u); }
+  __device__ Rows gather(const Item& item) const { return {x, item.vertices}; }
+  __device__ void solve(const Item& item, const Rows& rows, bool active) const {
     if (!active) return;
     solve_element<Effect>(x, item.vertices, item.rest.rest,
-                          view.memory + item.element * memory_of<Effect>);
+                          memory + item.element * memory_of<Effect>, item.u, rows);
   }
 };
 
-// Solves the elements phase by phase, up to `last`. A lane's next element is fetched while it works
-// on the present one: between two phases only displacements are waited for. Lanes without an
-// element work on another's and keep nothing, so that a warp stays together. `bounds` are those of
-// the phases; the table goes on beyond them.
+// Solves the elements phase by phase. A lane's next element is fetched while it works on the
+// present one: between two phases only displacements are waited for. Lanes without an element work
+// on another's and keep nothing, so that a warp stays together. `bounds` are those of the phases;
+// the table goes on beyond them.
 template <bool one_warp_sweeps, class Work>
-__device__ void sweep(const Work& work, const int* bounds, int phases, int last, int team) {
+__device__ void sweep(const Work& work, const int* bounds, int phases, int team) {
   const int lane = static_cast<int>(threadIdx.x);
-  if (lane >= team) return;
-  const int begin = bounds[0];
-  int end = bounds[1], next_end = min(bounds[2], last);
-  typename Work::Item even = work.fetch(min(begin + lane, end - 1)), odd;
-  bool even_active = begin + lane < end, odd_active = false;
+  if (lane >= team || phases == 0) return;
+  int end = bounds[1], next_end = bounds[2];
+  typename Work::Item even = work.fetch(min(lane, end - 1)), odd;
+  work.look_ahead(even);
+  bool even_active = lane < end, odd_active = false;
   const auto solve = [&](const typename Work::Item& item, bool active, typename Work::Item& next,
                          bool& next_active, int phase) {
     const auto rows = work.gather(item);
     next = work.fetch(min(end + lane, next_end - 1));
     next_active = end + lane < next_end;
     end = next_end;
-    next_end = min(bounds[phase + 3], last);
+    next_end = bounds[phase + 3];
+    work.prefetch(min(end + lane, next_end - 1));
     work.solve(item, rows, active);
+    work.look_ahead(next);
     if constexpr (one_warp_sweeps) {
       __syncwarp();
     } else {
@@ -134,51 +213,46 @@ __device__ void sweep(const Work& work, const int* bounds, int phases, int last,
   }
 }
 template <class Work>
-__device__ void sweep(const Work& work, const int* bounds, int phases, int last, int team) {
+__device__ void sweep(const Work& work, const int* bounds, int phases, int team) {
   if (team == one_warp) {
-    sweep<true>(work, bounds, phases, last, team);
+    sweep<true>(work, bounds, phases, team);
   } else {
-    sweep<false>(work, bounds, phases, last, team);
+    sweep<false>(work, bounds, phases, team);
   }
   __syncthreads();
 }
 
-// Everything that does not wait for the neighbours, for the elements [first, last) side by side.
-// An element's constant data are on their way while the one before is worked on.
+// Everything that does not wait for the neighbours, for all elements side by side.
 template <class Effect, class T>
-__device__ void linearize_piece(const BlockView<Effect, T>& view, const BlockVertices<T>& x,
-                                int first, int last, LinearizedElement<Effect, T>* elements) {
-  const int lanes = static_cast<int>(blockDim.x);
-  int e = first + static_cast<int>(threadIdx.x);
-  if (e >= last) return;
-  const DirectWork<Effect, T> work{x, view};
-  auto next = work.fetch(e);
-  for (; e < last; e += lanes) {
-    const auto item = next;
-    next = work.fetch(min(e + lanes, last - 1));
-    linearize_element<Effect>(x, item.vertices, item.rest.rest, view.memory + e * memory_of<Effect>,
-                              elements[e - first]);
+__device__ void linearize_elements(const BlockVertices<T>& x,
+                                   const CloseConstants<Effect, T>& constants, T* memory, int count,
+                                   LinearizedElement<Effect, T>* elements) {
+  for (int e = static_cast<int>(threadIdx.x); e < count; e += static_cast<int>(blockDim.x)) {
+    linearize_element<Effect>(x, constants.vertices_of(e), constants.rest_of(e).rest,
+                              memory + e * memory_of<Effect>, elements[e]);
   }
+  __syncthreads();
 }
 
-// `work` is room for a piece's linearised elements.
 template <class Effect, class T>
 __device__ void sweep_effect(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int team,
-                             unsigned char* work) {
-  const int* const piece_phase = in_shared(view.piece_phase);
-  for (int piece = 0; piece < view.pieces; ++piece) {
-    const int first_phase = piece_phase[piece], phases = piece_phase[piece + 1] - first_phase;
-    const int* const bounds = in_shared(view.phase_begin) + first_phase;
-    const int first = bounds[0], last = bounds[phases];
-    if constexpr (is_linearizable<Effect>) {
-      auto* const elements = reinterpret_cast<LinearizedElement<Effect, T>*>(work);
-      linearize_piece(view, x, first, last, elements);
-      __syncthreads();
-      sweep(LinearizedWork<Effect, T>{x, elements, first}, bounds, phases, last, team);
-    } else {
-      sweep(DirectWork<Effect, T>{x, view}, bounds, phases, last, team);
+                             bool linearizes, bool prefetches, WorkSpace work) {
+  const int* const bounds = in_shared(view.phase_begin);
+  const int phases = view.phases, count = bounds[phases];
+  T* const memory = view.memory;
+  if (view.close < 0) {
+    const DirectWork<Effect, T, false> direct{x, {view.rest, view.vertices, prefetches}, memory};
+    return sweep(direct, bounds, phases, team);
+  }
+  const auto constants = close_constants(view, count, work);
+  if constexpr (is_linearizable<Effect>) {
+    if (linearizes) {
+      auto* const elements = work.as<LinearizedElement<Effect, T>>();
+      linearize_elements(x, constants, memory, count, elements);
+      return sweep(LinearizedWork<Effect, T>{x, elements}, bounds, phases, team);
     }
   }
+  sweep(DirectWork<Effect, T, true>{x, constants, memory}, bounds, phases, team);
 }
 
 // The sum over a vertex's copies in all blocks, `from` in order, of which `local` is this one with
@@ -226,7 +300,7 @@ struct BlockMemory {
   CopyRange* copies;        // [locals]
   int* from_begin;          // [shared + 1]
   int* from;                // [gathered]
-  int* table;               // of the element effects' pieces and phases
+  int* table;               // of the element effects' phases
   unsigned char* views;     // of all effects, one kind after the other
   unsigned char* work;      // for elements
 
@@ -297,6 +371,7 @@ __global__ void __launch_bounds__(most_threads, 1)
   Vec3<T>* const u = frame.u + member * frame.locals + first;
   Vec3<T>* const v = frame.v + member * frame.locals + first;
   const BlockMemory<T> own(shared, frame);
+  const WorkSpace work{own.work - shared};
   const BlockVertices<T> x{own.u,
                            own.d,
                            own.v,
@@ -320,6 +395,8 @@ __global__ void __launch_bounds__(most_threads, 1)
     own.from_begin[i] = frame.gather_begin[first + i] - gather_first;
   }
   __syncthreads();
+  for_each_view<EffectKind::element, set>(
+      scene, [&]<class Effect>(const auto& view, int) { bring_close<Effect, T>(view, work); });
   for (int i = lane; i < count; i += lanes) {
     own.copies[i] = frame.copies[first + i];
     own.share[i] = frame.share[first + i];
@@ -333,7 +410,7 @@ __global__ void __launch_bounds__(most_threads, 1)
   __syncthreads();
   for (int substep = 0; substep < frame.substeps; ++substep) {
     for_each_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& view, int) {
-      sweep_effect<Effect, T>(view, x, frame.team, own.work);
+      sweep_effect<Effect, T>(view, x, frame.team, frame.linearizes, frame.prefetches, work);
     });
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
     Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.locals;
@@ -385,13 +462,17 @@ int most_threads(EffectSet named) {
   return sizeof(T) == 4 && (named & ~damped_tissue) == 0 ? 512 : 256;
 }
 
-// How many threads work on pieces of `elements`, or exchange `shared` vertices. As many as take the
+template <class Count>
+constexpr Count round_up(Count count, Count unit) {
+  return (count + unit - 1) / unit * unit;
+}
+
+// How many threads work on `elements`, or exchange `shared` vertices. As many as take the
 // fewest rounds over the elements, beyond a warp for each of a multiprocessor's schedulers the same
 // number for each. More than `usual` leave each too few registers, and pay only where all exchanged
 // vertices then fit into one round (measured: docs/results/cuda.md).
 inline int threads_for(int elements, int shared, int most) {
   constexpr int schedulers = 4, usual = 384;
-  const auto round_up = [](int count, int unit) { return (count + unit - 1) / unit * unit; };
   if (shared <= usual || shared > most) most = std::min(most, usual);
   const int rounds = round_up(std::max(1, elements), most) / most;
   const int threads = round_up((elements + rounds - 1) / rounds, one_warp);

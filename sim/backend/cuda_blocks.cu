@@ -12,7 +12,8 @@
 namespace viscera::sim {
 namespace {
 
-constexpr int least_block = 150;    // tets: smaller blocks cost accuracy and are no faster
+constexpr int least_block = 150;       // tets: smaller blocks cost accuracy and are no faster
+constexpr std::size_t alignment = 16;  // of arrays in shared memory, bytes
 constexpr int most_wanted = 12000;  // tets: the vertices of larger ones leave no room for the work
 
 int attribute(cudaDeviceAttr which) {
@@ -29,8 +30,10 @@ struct DeviceElements {
   DeviceArray<LocalVertices<Effect::arity>> vertices;
   DeviceArray<Rest> rest;
   std::vector<DeviceArray<Rest>> own_rest;  // [members], empty where it is `rest`
-  DeviceArray<int> phase_begin, piece_phase, block_piece;
+  DeviceArray<int> phase_begin, block_phase;
   DeviceArray<T> memory;  // [members * elements * memory_of]
+  int most_elements;      // of a block
+  int close = -1;         // where blocks keep constants close, bytes; -1: nowhere
 
   DeviceElements(BlockElements<Effect, T>&& host, int members)
       : element_of(std::move(host.element_of)),
@@ -38,28 +41,18 @@ struct DeviceElements {
         rest(host.rest),
         own_rest(members),
         phase_begin(host.phase_begin),
-        piece_phase(host.piece_phase),
-        block_piece(host.block_piece),
-        memory(members * host.rest.size() * memory_of<Effect>) {}
+        block_phase(host.block_phase),
+        memory(members * host.rest.size() * memory_of<Effect>),
+        most_elements(host.most_elements()) {}
 
-  // How long the table of a block gets.
-  static int most_table(const BlockElements<Effect, T>& host) {
-    int most = 0;
-    for (std::size_t block = 0; block + 1 < host.block_piece.size(); ++block) {
-      const int first = host.block_piece[block], end = host.block_piece[block + 1];
-      most =
-          std::max(most, table_size(end - first, host.piece_phase[end] - host.piece_phase[first]));
-    }
-    return most;
-  }
   EffectView<Effect, T> view(int member) const {
     const auto& own = own_rest[member];
     return {vertices.get(),
             own.size() > 0 ? own.get() : rest.get(),
             memory.get() + member * element_of.size() * memory_of<Effect>,
             phase_begin.get(),
-            piece_phase.get(),
-            block_piece.get()};
+            block_phase.get(),
+            close};
   }
   // A member that has what all have keeps nothing of its own.
   void set_rest(int member, const std::vector<Rest>& host) {
@@ -95,11 +88,12 @@ class CudaBlocks final : public Ensemble {
       : name_(std::move(name)),
         members_(members),
         program_(model, scene),
-        layout_(model, program_, tets_per_block, team_for(tets_per_block)) {
+        layout_(model, program_, tets_per_block, team_of(program_, tets_per_block)) {
     require_device_memory(bytes_needed());
     place_vertices();
     place_effects();
-    upload_views();
+    share_out_memory();
+    make_views();
     frame_.dt = program_.dt;
     frame_.substeps = program_.substeps;
     frame_.locals = local_count();
@@ -234,53 +228,95 @@ class CudaBlocks final : public Ensemble {
     frame_.gather = (gather_ = DeviceArray<int>(gather)).get();
   }
 
-  void place_effects() {
-    constexpr int usual_table = 256;
+  static EffectSet named_in(const Program<T>& program) {
     EffectSet named = 0;
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      const int count = static_cast<int>(std::get<i>(program_.effects).size());
+      if (!std::get<i>(program.effects).empty()) named |= EffectSet{1} << i;
+    });
+    return named;
+  }
+  static Team team_of(const Program<T>& program, int tets_per_block) {
+    Team team = team_for(tets_per_block);
+    team.lanes = std::min(team.lanes, most_threads<T>(named_in(program)));
+    return team;
+  }
+
+  void place_effects() {
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      const auto& effects = std::get<i>(program_.effects);
+      const int count = static_cast<int>(effects.size());
       static_cast<Views<EffectView<Effect, T>>&>(frame_.effects).count = count;
-      if (count > 0) named |= EffectSet{1} << i;
       if (Effect::kind == EffectKind::contact) frame_.contacts += count;
-      if (Effect::kind == EffectKind::element) frame_.most_table += count * usual_table;
+      if constexpr (Effect::kind == EffectKind::element) {
+        for (const auto& effect : effects) {
+          auto elements = layout_.lay_out(effect);
+          frame_.most_table += table_size(elements.most_phases());
+          std::get<i>(own_).emplace_back(std::move(elements), members_);
+        }
+      }
     });
     touching_ = DeviceArray<unsigned char>(static_cast<std::size_t>(members_) * frame_.contacts *
                                            local_count());
     frame_.touching = touching_.get();
-    const std::size_t all = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin);
-    const std::size_t left = all - std::min(all, BlockMemory<T>::bytes(frame_));
-    std::size_t work = 0;
-    int table = 0;
+  }
+
+  // A block's shared memory: its vertices and tables; what one effect after the other works in; and
+  // behind it, where all of them fit, the constants of the elements.
+  void share_out_memory() {
+    const bool small = layout_.lanes() == one_warp;
+    std::size_t linearized = 0, constants = 0;
     int items = 0;  // to be worked on side by side
+    const auto for_each_own = [this](auto&& function) {
+      Effects::for_each([&]<class Effect, std::size_t i>() {
+        if constexpr (Effect::kind == EffectKind::element) {
+          for (auto& own : std::get<i>(own_)) function.template operator()<Effect>(own);
+        }
+      });
+    };
+    for_each_own([&]<class Effect>(const auto& own) {
+      using Close = CloseConstants<Effect, T>;
+      const std::size_t most = own.most_elements;
+      linearized = std::max(linearized, small ? most * work_of_element<Effect, T> : 0);
+      constants += round_up(most * Close::bytes, alignment);
+      if (is_linearizable<Effect>) items = std::max(items, own.most_elements);
+    });
+    const std::size_t all = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin);
+    const std::size_t before = BlockMemory<T>::bytes(frame_);
+    const bool close = before + linearized + constants <= all;
+    frame_.prefetches =
+        !close && constants * layout_.block_count() >
+                      static_cast<std::size_t>(attribute(cudaDevAttrL2CacheSize)) / 2;
+    frame_.linearizes = small && close;
+    shared_bytes_ = before + (close ? linearized + constants : 0);
+    require_room(shared_bytes_, all);
+    if (close) {
+      std::size_t at = linearized;
+      for_each_own([&]<class Effect>(auto& own) {
+        own.close = static_cast<int>(at);
+        at += round_up(own.most_elements * CloseConstants<Effect, T>::bytes, alignment);
+      });
+    }
+    const EffectSet named = named_in(program_);
+    const int most = most_threads<T>(named);
+    if (items == 0) items = frame_.most_locals;
+    threads_ = frame_.linearizes ? threads_for(items, frame_.most_shared, most) : most;
+    kernel_ = kernel_for<T>(named, threads_);
+  }
+
+  void make_views() {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       auto& views = std::get<i>(host_views_);
-      if constexpr (Effect::kind == EffectKind::element) {
-        auto& own = std::get<i>(own_);
-        for (const auto& effect : std::get<i>(program_.effects)) {
-          auto elements = layout_.lay_out(effect, piece_capacity<Effect, T>(left));
-          work = std::max(work, elements.most_elements * work_of_element<Effect, T>);
-          table += DeviceElements<Effect, T>::most_table(elements);
-          if (is_linearizable<Effect>) items = std::max(items, elements.most_elements);
-          own.emplace_back(std::move(elements), members_);
-        }
-        for (int member = 0; member < members_; ++member) {
-          for (const auto& elements : own) views.push_back(elements.view(member));
-        }
-      } else {
-        for (int member = 0; member < members_; ++member) {
+      for (int member = 0; member < members_; ++member) {
+        if constexpr (Effect::kind == EffectKind::element) {
+          for (const auto& own : std::get<i>(own_)) views.push_back(own.view(member));
+        } else {
           for (const auto& effect : std::get<i>(program_.effects)) {
             if constexpr (requires { effect.device; }) views.push_back({{effect.device}});
           }
         }
       }
     });
-    frame_.most_table = table;
-    shared_bytes_ = BlockMemory<T>::bytes(frame_) + work;
-    require_room(shared_bytes_, all);
-    if (items == 0) items = frame_.most_locals;
-    threads_ =
-        std::max(layout_.lanes(), threads_for(items, frame_.most_shared, most_threads<T>(named)));
-    kernel_ = kernel_for<T>(named, threads_);
+    upload_views();
   }
 
   void ask_for_the_device() {

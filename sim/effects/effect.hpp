@@ -32,6 +32,12 @@
 //   static constexpr int memory;                 numbers that it keeps of each element, 0 at first
 //   template <class T> SIM_HD static void remember(rest, u, T memory[])   once at every substep
 //   and evaluate(rest, const T memory[], u, d, out).
+//   static constexpr bool eliminated = true      optional: with the impulses of XPBD from zero
+//       multipliers (arithmetic.hpp), solved for by hand, as
+//   template <class T> SIM_HD static void xpbd_impulses(rest, const T (&mobility)[arity], u, d, p)
+//       and linearised (solvers/linearized.hpp), as
+//   template <class T> struct Linearized { void impulses(e, p) const; };
+//   template <class T> SIM_HD static void linearize(rest, mobility, u, d, Linearized<T>& out)
 //   An elastic effect also has
 //   static double explicit_modulus(material, params)   M, Pa: at rest no mode of a tet is stiffer
 //       than M V sum |grad N_i|^2, for the limit of explicit dynamics (stability.hpp)

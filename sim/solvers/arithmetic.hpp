@@ -159,25 +159,38 @@ SIM_HD void impulses_of(const Evaluation<T, rows, arity>& c, const T (&mobility)
   }
 }
 
+// Whether an effect has eliminated its multipliers by hand: the same impulses as xpbd_from_zero.
+template <class Effect>
+inline constexpr bool is_eliminated = [] {
+  if constexpr (requires { Effect::eliminated; }) return Effect::eliminated;
+  return false;
+}();
+
 // The impulses of one element. `memory` is what an effect with a history keeps of it.
 template <class Effect, Arithmetic arithmetic, class T, int arity = Effect::arity>
 SIM_HD void element_impulses(const typename Effect::template Rest<T>& rest,
                              const T (&mobility)[arity], const SweepConstants<T>& constants,
                              const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity], T* multipliers,
                              T* memory, Vec3<T> (&p)[arity]) {
-  Evaluation<T, Effect::rows, arity> c;
-  constexpr bool at_start = arithmetic == Arithmetic::force && Effect::rows > 0;
-  const Vec3<T> none[arity] = {};
-  if constexpr (memory_of < Effect >> 0) {
-    if constexpr (arithmetic != Arithmetic::xpbd_next) Effect::remember(rest, u, memory);
-    Effect::evaluate(rest, memory, u, at_start ? none : d, c);
+  if constexpr (arithmetic == Arithmetic::xpbd_only && is_eliminated<Effect>) {
+    T scaled[arity];
+    for (int i = 0; i < arity; ++i) scaled[i] = constants.split * mobility[i];
+    Effect::xpbd_impulses(rest, scaled, u, d, p);
   } else {
-    Effect::evaluate(rest, u, at_start ? none : d, c);
-  }
-  if constexpr (Effect::rows > 0) {
-    impulses_of<arithmetic>(c, mobility, constants.split, constants.stiffness, multipliers, p);
-  } else {
-    for (int i = 0; i < arity; ++i) p[i] = c.preload[i];
+    Evaluation<T, Effect::rows, arity> c;
+    constexpr bool at_start = arithmetic == Arithmetic::force && Effect::rows > 0;
+    const Vec3<T> none[arity] = {};
+    if constexpr (memory_of < Effect >> 0) {
+      if constexpr (arithmetic != Arithmetic::xpbd_next) Effect::remember(rest, u, memory);
+      Effect::evaluate(rest, memory, u, at_start ? none : d, c);
+    } else {
+      Effect::evaluate(rest, u, at_start ? none : d, c);
+    }
+    if constexpr (Effect::rows > 0) {
+      impulses_of<arithmetic>(c, mobility, constants.split, constants.stiffness, multipliers, p);
+    } else {
+      for (int i = 0; i < arity; ++i) p[i] = c.preload[i];
+    }
   }
 }
 

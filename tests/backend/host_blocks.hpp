@@ -3,7 +3,6 @@
 #pragma once
 
 #include <deque>
-#include <limits>
 #include <memory>
 
 #include "sim/backend/block_layout.hpp"
@@ -17,8 +16,7 @@ class HostBlocks final : public Solver {
  public:
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized)
       : HostBlocks(model, scene, tets_per_block, linearized, team_for(tets_per_block)) {}
-  HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized, Team team,
-             int piece_size = std::numeric_limits<int>::max())
+  HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized, Team team)
       : program_(model, scene),
         layout_(model, program_, tets_per_block, team),
         linearized_(linearized),
@@ -41,8 +39,8 @@ class HostBlocks final : public Solver {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::element) {
         for (const auto& effect : std::get<i>(program_.effects)) {
-          auto& own = std::get<i>(own_).emplace_back(
-              new ElementsOf<Effect>{layout_.lay_out(effect, piece_size), {}});
+          auto& own =
+              std::get<i>(own_).emplace_back(new ElementsOf<Effect>{layout_.lay_out(effect), {}});
           own->memory.resize(own->rest.size() * memory_of<Effect>);
         }
       }
@@ -135,12 +133,9 @@ class HostBlocks final : public Solver {
           const auto& effect = std::get<i>(program_.effects)[k];
           if constexpr (Effect::kind == EffectKind::element) {
             auto& own = *std::get<i>(own_)[k];
-            const EffectView<Effect, T> all{own.vertices.data(),    own.rest.data(),
-                                            own.memory.data(),      own.phase_begin.data(),
-                                            own.piece_phase.data(), own.block_piece.data()};
-            const int first = own.block_piece[block], end = own.block_piece[block + 1];
-            tables_.emplace_back(
-                table_size(end - first, own.piece_phase[end] - own.piece_phase[first]));
+            const EffectView<Effect, T> all{own.vertices.data(), own.rest.data(), own.memory.data(),
+                                            own.phase_begin.data(), own.block_phase.data()};
+            tables_.emplace_back(table_size(own.most_phases()));
             view_of_block(all, block, 0, 1, tables_.back().data(), views.emplace_back());
           } else if constexpr (requires { effect.device; }) {
             views.push_back({effect.device});
@@ -176,31 +171,27 @@ class HostBlocks final : public Solver {
 
   template <class Effect>
   void sweep(const BlockView<Effect, T>& view, const BlockVertices<T>& x) {
-    for (int piece = 0; piece < view.pieces; ++piece) {
-      sweep_piece(view, view.phase_begin[view.piece_phase[piece]],
-                  view.phase_begin[view.piece_phase[piece + 1]], x);
-    }
-  }
-
-  template <class Effect>
-  void sweep_piece(const BlockView<Effect, T>& view, int begin, int end,
-                   const BlockVertices<T>& x) {
+    constexpr int arity = Effect::arity;
     const auto memory = [&view](int e) { return view.memory + e * memory_of<Effect>; };
+    const int end = view.phase_begin[view.phases];
     if constexpr (is_linearizable<Effect>) {
       if (linearized_) {
-        std::vector<LinearizedElement<Effect, T>> linearized(end - begin);
-        for (int e = begin; e < end; ++e) {
+        std::vector<LinearizedElement<Effect, T>> linearized(end);
+        for (int e = 0; e < end; ++e) {
           linearize_element<Effect>(x, view.vertices[e], view.rest[e].rest, memory(e),
-                                    linearized[e - begin]);
+                                    linearized[e]);
         }
         for (const auto& element : linearized) {
-          solve_linearized(x, element, Rows<T, Effect::arity>(x, element.vertices));
+          solve_linearized(x, element, Rows<T, arity>(x, element.vertices));
         }
         return;
       }
     }
-    for (int e = begin; e < end; ++e) {
-      solve_element<Effect>(x, view.vertices[e], view.rest[e].rest, memory(e));
+    for (int e = 0; e < end; ++e) {
+      Vec3<T> u[arity];
+      displacements_at_start(x, view.vertices[e], u);
+      solve_element<Effect>(x, view.vertices[e], view.rest[e].rest, memory(e), u,
+                            Rows<T, arity>(x, view.vertices[e]));
     }
   }
 

@@ -256,6 +256,57 @@ void check_sweeps(std::size_t index) {
   }
 }
 
+// From slight strains to elements crushed, inverted and flat to a point.
+template <class Effect>
+void expect_eliminated_as_solved() {
+  constexpr int arity = Effect::arity;
+  for (const double strain : {0.0, 1e-6, 0.01, 0.3, 1.0, 3.0}) {
+    for (unsigned seed = 1; seed <= 20; ++seed) {
+      Sample<Effect> sample(seed);
+      std::mt19937 generator(seed);
+      double mobility[arity], weight[Effect::rows];
+      for (int i = 0; i < arity; ++i) {
+        sample.u[i] = random_vector(generator, strain * 1.0);  // of a cube of 1 m
+        sample.d[i] = random_vector(generator, strain * 1e-2);
+        mobility[i] = std::pow(10.0, random_in(generator, -10.0, -3.0));
+      }
+      Vec3<double> solved[arity], eliminated[arity];
+      xpbd_from_zero(sample.evaluate(), mobility, weight, solved);
+      Effect::xpbd_impulses(sample.rest, mobility, sample.u, sample.d, eliminated);
+      double size = 0.0;
+      for (const auto& p : solved) size = std::max(size, norm(p));
+      for (int i = 0; i < arity; ++i) {
+        EXPECT_LE(norm(eliminated[i] - solved[i]), 1e-11 * size) << strain << ", seed " << seed;
+      }
+    }
+  }
+}
+
+TEST(Effects, EliminatedMultipliersAreThoseOfTheSolver) {
+  int effects = 0;
+  Effects::for_each([&effects]<class Effect, std::size_t>() {
+    if constexpr (Effect::kind == EffectKind::element) {
+      if constexpr (is_eliminated<Effect>) {
+        ++effects;
+        expect_eliminated_as_solved<Effect>();
+      }
+    }
+  });
+  EXPECT_GT(effects, 0);
+}
+
+TEST(NeoHookean, AnElementFlatToAPointIsLeftAlone) {
+  Sample<NeoHookean> sample(1);
+  const double mobility[4] = {1e-6, 1e-6, 1e-6, 1e-6};
+  for (int i = 0; i < 4; ++i) {
+    sample.u[i] = -1.0 * sample.model.rest[sample.vertices[i]];
+    sample.d[i] = {};
+  }
+  Vec3<double> p[4];
+  NeoHookean::xpbd_impulses(sample.rest, mobility, sample.u, sample.d, p);
+  for (const auto& impulse : p) EXPECT_EQ(norm(impulse), 0.0);
+}
+
 TEST(Effects, EveryInstructionSetGivesTheBitsOfTheScalarCode) {
   Effects::for_each([]<class Effect, std::size_t i>() {
     if constexpr (Effect::kind == EffectKind::element) {
