@@ -7,6 +7,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "stages/report/compare/compare_stage.hpp"
+#include "stages/report/compare/csv.hpp"
 #include "stages/report/compare/distance.hpp"
 #include "stages/report/compare/figures.hpp"
 #include "stages/report/compare/sentences.hpp"
@@ -147,6 +148,34 @@ TEST_F(Compare, EqualRunsAreOnePointAndMustBeEqual) {
   EXPECT_EQ(study_of(runs, options)["scenes"][0]["points"][0]["failed"], "equal runs differ");
 }
 
+TEST_F(Compare, ADeviceHasPointsOfItsOwnAndIsNamed) {
+  const TetMesh mesh = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 3.0, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 0.2, mesh, "m")};
+  runs[1].manifest["device"] = "cpu, 16 threads";
+  runs[2].manifest["device"] = "cuda, NVIDIA H200";
+  const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
+  const Json scene = study_of(runs, options)["scenes"][0];
+  ASSERT_EQ(scene["points"].size(), 2u);
+  EXPECT_EQ(scene["points"][0]["method"], "xpbd");
+  EXPECT_EQ(scene["points"][1]["method"], "xpbd on CUDA");
+  EXPECT_EQ(scene["points"][1]["label"], "xpbd on CUDA, 8 substeps");
+  EXPECT_EQ(scene["points"][1]["setting"]["device"], "cuda");
+  EXPECT_NE(scene["sentences"][0].get<std::string>().find(
+                "1 mm costs 0.2 ms (xpbd on CUDA, 8 substeps), xpbd needs 3 ms"),
+            std::string::npos)
+      << scene["sentences"][0];
+}
+
+TEST(Csv, HoldsQuartilesQuotesTextsAndLeavesNullEmpty) {
+  const Json rows = {{{"label", "a, \"b\""}, {"ms", {1.0, 2.5, 3.0}}, {"mm", nullptr}, {"n", 3}},
+                     {{"label", "c"}, {"ms", {4.0, 5.0, 6.0}}, {"mm", 0.1234567}, {"n", 4}}};
+  EXPECT_EQ(csv_of(rows),
+            "label,ms_q1,ms,ms_q3,mm,n\n\"a, \"\"b\"\"\",1,2.5,3,,3\nc,4,5,6,0.123457,4\n");
+  EXPECT_EQ(csv_of(Json::array()), "");
+}
+
 TEST_F(Compare, AnEffectIsHeldAgainstTheSameSceneWithoutIt) {
   const TetMesh mesh = sample_mesh(2);
   std::vector<ComparedRun> runs = {run("xpbd", 8, 0.0, 3.0, mesh, "m"),
@@ -159,7 +188,7 @@ TEST_F(Compare, AnEffectIsHeldAgainstTheSameSceneWithoutIt) {
 }
 
 Json point(const char* solver, double lo, double ms, double hi, Json mm) {
-  return {{"label", solver},    {"solver", solver}, {"mesh_sha256", "m"}, {"tets", 100},
+  return {{"label", solver},    {"method", solver}, {"mesh_sha256", "m"}, {"tets", 100},
           {"ms", {lo, ms, hi}}, {"solver_mm", mm},  {"total_mm", mm},     {"failed", ""}};
 }
 

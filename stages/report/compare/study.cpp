@@ -1,15 +1,13 @@
 #include "stages/report/compare/study.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
-#include <set>
 
 #include "stages/report/compare/distance.hpp"
 #include "stages/report/compare/sentences.hpp"
+#include "stages/report/compare/setting.hpp"
 
 namespace viscera {
 namespace {
@@ -19,44 +17,6 @@ using Runs = std::vector<const ComparedRun*>;
 // What a scene's file and changes make one problem; settings and meshes are ways to solve it.
 std::string problem_of(const ComparedRun& run) {
   return run.input("scene") + run.param("change");
-}
-
-const std::set<std::string> no_setting = {"repeat",  "change", "end",
-                                          "threads", "device", "accuracy"};
-
-// Params that say how a run was solved, those that differ from viscera-simulate's usual way last.
-Json setting_of(const ComparedRun& run) {
-  Json setting = Json::object();
-  for (const auto& [name, value] : run.manifest["params"].items()) {
-    if (!no_setting.contains(name)) setting[name] = value;
-  }
-  setting["substeps"] = run.metric("substeps").value_or(0.0);
-  return setting;
-}
-
-// In words, without what the solver does not use.
-std::string label_of(const ComparedRun& run) {
-  const std::string solver = run.param("solver"), scheme = run.param("scheme");
-  const int substeps = static_cast<int>(run.metric("substeps").value_or(0.0));
-  std::string label = solver;
-  if (solver == "fem") {
-    if (run.param("fem_order") == "2") label += ", quadratic";
-    if (run.param("fem_time") == "quasi_static") return label + ", equilibrium";
-    return label + fmt::format(", {} steps, tolerance {}", substeps, run.param("fem_tolerance"));
-  }
-  if (scheme != "gauss_seidel") label += ", " + scheme;
-  label += fmt::format(", {} substeps", substeps);
-  if (run.param("iterations") != "1") label += fmt::format(" × {}", run.param("iterations"));
-  if (run.param("precision") != "fp32") label += ", " + run.param("precision");
-  return label;
-}
-
-bool matches(const ComparedRun& run, const Json& wanted) {
-  for (const auto& [name, value] : wanted.items()) {
-    const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
-    if (run.param(name) != text) return false;
-  }
-  return true;
 }
 
 Json number(double value) {
@@ -173,10 +133,12 @@ class SceneStudy {
     Json json{{"setting", setting_of(run)},
               {"label", label_of(run)},
               {"solver", run.param("solver")},
+              {"method", method_of(run)},
               {"run", run.name},
               {"mesh_sha256", mesh},
               {"tets", run.tets()},
               {"ms", times_of(equal, end ? "steps_wall" : "frame_ms_median", end ? 1e3 : 1.0)},
+              {"p99_ms", number(run.metric("frame_ms_p99").value_or(NAN))},
               {"repeats", equal.size()},
               {"cs", number(run.metric("stability_Cs_max").value_or(NAN))},
               {"energy_rise", number(energy_rise(run))},

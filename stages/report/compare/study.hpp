@@ -23,10 +23,11 @@ struct StudyOptions {
 //   effects: [{scene, label, tets, change, ms, ms_without, told_apart, mm, failed}] }
 //
 // meshes: [{sha256, tets, reference, check, agreement_mm, discretisation_mm (null: the finest)}]
-// points: [{setting, label, solver, run, mesh_sha256, tets, ms [lo, median, hi], repeats, cs,
-//           solver_mm, solver_rms_mm, total_mm, end_mm, energy_rise, volume_off, inverted, failed
-//           (why; "": it did not), doubtful (nearer to the reference than ten times its own check),
-//           front (no other point of its scene is both cheaper and nearer, in total)}]
+// points: [{setting, label, solver, method (solver and device), run, mesh_sha256, tets,
+//           ms [lo, median, hi], p99_ms (of the frames of one run), repeats, cs, solver_mm,
+//           solver_rms_mm, total_mm, end_mm, energy_rise, volume_off, inverted, failed (why; "": it
+//           did not), doubtful (nearer to the reference than ten times its own check), front (no
+//           other point of its scene is both cheaper and nearer, in total)}]
 // Errors are the largest of any vertex in any frame (span "end": in the last), null where there is
 // none. Times are ms a frame (span "end": ms until it rests).
 Json study_of(const std::vector<ComparedRun>& runs, const StudyOptions& options);
