@@ -44,8 +44,17 @@ double volume_off(const ComparedRun& run) {
   return most;
 }
 
-// Lower quartile, median and upper quartile of equal runs; the quartiles rounded outwards.
+// Lower quartile, median and upper quartile of equal runs; the quartiles rounded outwards. A single
+// run is as uncertain as its frames.
 Json times_of(const Runs& equal, const char* metric, double factor) {
+  const auto share = [run = equal.front()](const char* quartile) {
+    return run->metric(quartile).value_or(NAN) / run->metric("frame_ms_median").value_or(NAN);
+  };
+  if (equal.size() == 1) {
+    const double ms = factor * equal.front()->metric(metric).value_or(NAN);
+    const double low = share("frame_ms_q1"), high = share("frame_ms_q3");
+    return {std::isfinite(low) ? ms * low : ms, ms, std::isfinite(high) ? ms * high : ms};
+  }
   std::vector<double> ms;
   for (const auto* run : equal) ms.push_back(factor * run->metric(metric).value_or(NAN));
   std::ranges::sort(ms);
@@ -57,9 +66,15 @@ class SceneStudy {
  public:
   SceneStudy(const Runs& runs, const StudyOptions& options, DistanceBetween& distance)
       : distance_(distance) {
+    const auto is_one_of = [](const ComparedRun& run, const Json& list) {
+      return std::ranges::any_of(list, [&](const Json& one) { return matches(run, one); });
+    };
     for (const auto* run : runs) {
-      const bool is_reference =
-          std::ranges::any_of(options.references, [&](const Json& r) { return matches(*run, r); });
+      if (is_one_of(*run, options.converged)) {
+        converged_.push_back(run);
+        continue;
+      }
+      const bool is_reference = is_one_of(*run, options.references);
       auto& list = is_reference ? references_[run->input("mesh")]
                                 : points_[run->input("mesh") + setting_of(*run).dump()];
       // A reference that does not differ between rounds is one run.
@@ -82,6 +97,7 @@ class SceneStudy {
               {"span", span_ == Span::end ? "end" : "history"},
               {"cost", span_ == Span::end ? "ms until it rests" : "ms a frame"},
               {"size_mm", number(size_mm_)},
+              {"body", body()},
               {"meshes", meshes()},
               {"points", Json::array()}};
     for (const auto* equal : order_) json["points"].push_back(point(*equal));
@@ -91,14 +107,26 @@ class SceneStudy {
 
  private:
   void find_finest() {
+    Runs all = converged_;
     for (const auto& [mesh, runs] : references_) {
-      const ComparedRun* run = runs.back();
-      if (!finest_ || run->tets() > finest_->tets()) finest_ = run;
+      if (converged_.empty()) all.push_back(runs.back());
     }
+    std::ranges::stable_sort(all, {}, [](const ComparedRun* run) { return run->tets(); });
+    finest_ = all.back();
+    if (all.size() > 1) next_ = all[all.size() - 2];
     span_ = finest_->param("fem_time") == "quasi_static" && finest_->param("solver") == "fem"
                 ? Span::end
                 : Span::history;
     size_mm_ = largest_displacement(*finest_->trajectory);
+  }
+
+  Json body() {
+    body_agreement_ = next_ ? apart(*next_, *finest_) : NAN;
+    return {{"reference", label_of(*finest_)},
+            {"tets", finest_->tets()},
+            {"check", next_ ? Json(label_of(*next_)) : Json(nullptr)},
+            {"check_tets", next_ ? Json(next_->tets()) : Json(nullptr)},
+            {"agreement_mm", number(body_agreement_)}};
   }
 
   double apart(const ComparedRun& a, const ComparedRun& b) {
@@ -157,6 +185,7 @@ class SceneStudy {
     json["failed"] = why_failed(equal, total.largest);
     const double doubt = same != references_.end() ? agreement_[mesh] : NAN;
     json["doubtful"] = !(solver.largest > 10.0 * doubt);
+    json["total_doubtful"] = !(total.largest > 10.0 * body_agreement_);
     json["front"] = false;
     return json;
   }
@@ -188,11 +217,13 @@ class SceneStudy {
   }
 
   DistanceBetween& distance_;
+  Runs converged_;
   std::map<std::string, Runs> references_;  // by mesh
   std::map<std::string, Runs> points_;      // by mesh and setting
   std::vector<const Runs*> order_;
   std::map<std::string, double> agreement_;
-  const ComparedRun* finest_ = nullptr;
+  const ComparedRun *finest_ = nullptr, *next_ = nullptr;
+  double body_agreement_ = 0.0;  // mm
   Span span_ = Span::history;
   double size_mm_ = 0.0;
 };

@@ -161,6 +161,10 @@
     show(asked.has("t") && isFinite(t) ? t : report.runs.find(r => r.run === report.views[0].name).max_deformation_time || 0);
   }
 
+  const bodyWords = body => "For the body itself stands " + body.reference + " on " +
+    `${number(body.tets)} tets` + (body.check === null ? ", without a check." : `; its check, ${body.check} ` +
+    `on ${number(body.check_tets)} tets, differs by ${quantity(Number(body.agreement_mm.toPrecision(3)), "mm")}.`);
+
   function showStudy() {
     for (const scene of report.study.scenes) {
       byId("study").hidden = false;
@@ -180,8 +184,9 @@
       }
       fillTable(meshes, ["Mesh, tets", "Reference", "Its check", "They differ by", "Error of the mesh"],
         scene.meshes.map(m => ({cells: [number(m.tets), m.reference, m.check || "none",
-          orNone(m.agreement_mm, "mm"), m.discretisation_mm === null ? "the finest: unknown"
+          orNone(m.agreement_mm, "mm"), m.discretisation_mm === null ? "stands for the body"
             : quantity(m.discretisation_mm, "mm")]})));
+      meshes.after(element("p", {class: "note"}, bodyWords(scene.body)));
       fillTable(table, ["Setting", "Tets", scene.cost, "Interval", "99th percentile", "Runs", "Cs", "Solver's error",
         "rms", "Total error", "Energy rise", "Volume off", "Inverted", "Failed"],
         scene.points.map(p => ({failed: p.failed !== "", cells: [p.label + (p.front ? " ★" : ""),

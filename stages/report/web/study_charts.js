@@ -78,6 +78,7 @@ viscera.workPrecision = function (parent, scene, key, title) {
   if (!good.length) return null;
   const canvas = frameFor(parent, title, "mm", title + " against time of work, both logarithmic");
   canvas.parentNode.classList.add("tall");
+  const doubt = key === "total_mm" ? "total_doubtful" : "doubtful";
   const top = 2 * Math.max(...good.map(p => p[key]));
   const curves = [...new Set(good.map(p => p.method + "|" + p.tets))].map(name => {
     const [method, tets] = name.split("|");
@@ -89,7 +90,7 @@ viscera.workPrecision = function (parent, scene, key, title) {
       pointStyle: ["circle", "rectRot", "triangle", "rect"][[...new Set(points.map(p => p.tets))]
         .sort((a, b) => a - b).indexOf(Number(tets)) % 4],
       borderColor: () => viscera.solverColour(method), borderWidth: 1.5,
-      backgroundColor: context => context.raw && context.raw.p.doubtful ? "transparent"
+      backgroundColor: context => context.raw && context.raw.p[doubt] ? "transparent"
         : viscera.solverColour(method),
     };
   });
