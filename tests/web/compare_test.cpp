@@ -144,29 +144,40 @@ TEST_F(Compare, EqualRunsAreOnePointAndMustBeEqual) {
   const Json point = study_of(runs, options)["scenes"][0]["points"].at(0);
   EXPECT_EQ(point["ms"], (Json{1.0, 2.0, 3.0}));
   EXPECT_EQ(point["failed"], "");
+  EXPECT_EQ(point["repeats"], 3);
+  runs.push_back(runs.back());  // named by another case
+  EXPECT_EQ(study_of(runs, options)["scenes"][0]["points"][0]["repeats"], 3);
   runs[2].manifest["outputs"][0]["sha256"] = "other";
   EXPECT_EQ(study_of(runs, options)["scenes"][0]["points"][0]["failed"], "equal runs differ");
 }
 
-TEST_F(Compare, ConvergedRunsStandForTheBodyAndAreCheckedByTheNext) {
-  const TetMesh coarse = sample_mesh(2), fine = sample_mesh(4);
+TEST_F(Compare, TheFinestMeshStandsForTheBodyAndTheNextChecksIt) {
+  const TetMesh coarse = sample_mesh(2), next = sample_mesh(3), fine = sample_mesh(4);
   std::vector<ComparedRun> runs = {
       run("tled", 64, 0.0, 9, coarse, "c"), run("xpbd", 8, 3.0, 2.0, coarse, "c"),
-      run("tled", 128, 2.0, 9, coarse, "c"), run("tled", 128, 2.25, 9, fine, "f")};
-  for (int i : {2, 3}) runs[i].manifest["params"]["fem_order"] = 2;
-  const StudyOptions options{
-      .references = {{{"solver", "tled"}}}, .converged = {{{"fem_order", 2}}}, .wanted_mm = {1.0}};
+      run("tled", 64, 2.0, 9, next, "n"), run("tled", 64, 2.25, 9, fine, "f")};
+  const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
   const Json scene = study_of(runs, options)["scenes"][0];
   const double unit = height(coarse) / 100.0;
   EXPECT_EQ(scene["body"]["tets"], fine.tets.size());
-  EXPECT_EQ(scene["body"]["check_tets"], coarse.tets.size());
-  EXPECT_NEAR(scene["body"]["agreement_mm"].get<double>(), 0.25 * unit, 1e-3);
-  ASSERT_EQ(scene["meshes"].size(), 1u) << "references of a mesh are other runs";
-  EXPECT_NEAR(scene["meshes"][0]["discretisation_mm"].get<double>(), 2.25 * unit, 1e-3);
-  ASSERT_EQ(scene["points"].size(), 1u);
-  EXPECT_NEAR(scene["points"][0]["solver_mm"].get<double>(), 3.0 * unit, 1e-3);
+  EXPECT_EQ(scene["body"]["check_tets"], next.tets.size());
+  EXPECT_NEAR(scene["body"]["agreement_mm"].get<double>(), 0.25 * height(next) / 100.0, 1e-3);
   EXPECT_NEAR(scene["points"][0]["total_mm"].get<double>(), 0.75 * unit, 1e-3);
   EXPECT_TRUE(scene["points"][0]["total_doubtful"].get<bool>());
+}
+
+TEST_F(Compare, EnergyThatIsNotAllKnownHasNoDrift) {
+  const TetMesh mesh = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 3.0, mesh, "m")};
+  const auto rise = [&] {
+    const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
+    return study_of(runs, options)["scenes"][0]["points"][0]["energy_rise"];
+  };
+  runs[1].series["total_J"] = {1.0, 1.5};
+  EXPECT_DOUBLE_EQ(rise().get<double>(), 0.5);
+  runs[1].manifest["metrics"].push_back({{"name", "effects_on"}, {"value", {"gravity", "spring"}}});
+  EXPECT_TRUE(rise().is_null());
 }
 
 TEST_F(Compare, ASingleRunIsTimedAsUncertainlyAsItsFrames) {

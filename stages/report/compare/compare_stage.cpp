@@ -48,8 +48,6 @@ StageInfo compare_info() {
       list("ensemble", Json::array(),
            "runs of one mesh whose spread at the end is shown; [all]: every run"),
       list("references", Json::array(), "maps of simulate's params that make a run a reference"),
-      list("converged", Json::array(),
-           "the same: runs that stand for the body, whatever the mesh [reference on the finest]"),
       list("wanted", Json::array({1.0, 0.5, 0.1}), "errors that the sentences speak of, mm"),
       {.name = "max_frames",
        .type = ParamType::integer,
@@ -186,14 +184,12 @@ void check(const StageRun& run) {
           {.where = "compare", .field = name, .found = item.dump(), .allowed = "names of runs"});
     }
   }
-  for (const char* name : {"references", "converged"}) {
-    for (const auto& item : run.params().at(name)) {
-      if (item.is_object()) continue;
-      throw Error(ExitCode::bad_config, {.where = "compare",
-                                         .field = name,
-                                         .found = item.dump(),
-                                         .allowed = "maps of simulate's params, [{solver: tled}]"});
-    }
+  for (const auto& item : run.params().at("references")) {
+    if (item.is_object()) continue;
+    throw Error(ExitCode::bad_config, {.where = "compare",
+                                       .field = "references",
+                                       .found = item.dump(),
+                                       .allowed = "maps of simulate's params, [{solver: tled}]"});
   }
   for (const auto& item : run.params().at("wanted")) {
     if (item.is_number() && item.get<double>() > 0.0) continue;
@@ -207,8 +203,7 @@ void check(const StageRun& run) {
 void compare(StageRun& run) {
   const auto runs = read_runs(run.inputs("trajectory"), run.params().at("cases"));
   const RunList grid = runs_of(run, runs, "grid"), methods = runs_of(run, runs, "methods");
-  StudyOptions options{.references = run.params().at("references"),
-                       .converged = run.params().at("converged")};
+  StudyOptions options{.references = run.params().at("references")};
   for (const auto& wanted : run.params().at("wanted")) options.wanted_mm.push_back(wanted);
   std::ranges::sort(options.wanted_mm, std::greater());
   Json report{{"title", run.param<std::string>("title")},

@@ -1,6 +1,7 @@
 #include "stages/report/compare/study.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -23,8 +24,22 @@ Json number(double value) {
   return std::isfinite(value) ? Json(value) : Json(nullptr);
 }
 
-// The largest rise of the total energy above what it was before, over the largest elastic energy.
+// What stores or brings in energy that metrics.csv does not hold.
+bool has_other_energy(const ComparedRun& run) {
+  for (const auto& metric : run.manifest["metrics"]) {
+    if (metric["name"] != "effects_on") continue;
+    return std::ranges::any_of(metric["value"], [](const Json& effect) {
+      return std::ranges::count(std::array{"spring", "prony", "pressure", "load", "prescribed"},
+                                effect.get<std::string>()) > 0;
+    });
+  }
+  return false;
+}
+
+// The largest rise of the total energy above what it was before, over the largest elastic energy;
+// not a number where energies are missing.
 double energy_rise(const ComparedRun& run) {
+  if (has_other_energy(run)) return NAN;
   double least = std::numeric_limits<double>::infinity(), rise = 0.0, elastic = 0.0;
   const Json &total = run.series["total_J"], &parts = run.series["elastic_J"];
   for (std::size_t f = 0; f < total.size(); ++f) {
@@ -66,24 +81,19 @@ class SceneStudy {
  public:
   SceneStudy(const Runs& runs, const StudyOptions& options, DistanceBetween& distance)
       : distance_(distance) {
-    const auto is_one_of = [](const ComparedRun& run, const Json& list) {
-      return std::ranges::any_of(list, [&](const Json& one) { return matches(run, one); });
-    };
     for (const auto* run : runs) {
-      if (is_one_of(*run, options.converged)) {
-        converged_.push_back(run);
-        continue;
-      }
-      const bool is_reference = is_one_of(*run, options.references);
+      const bool is_reference =
+          std::ranges::any_of(options.references, [&](const Json& r) { return matches(*run, r); });
       auto& list = is_reference ? references_[run->input("mesh")]
                                 : points_[run->input("mesh") + setting_of(*run).dump()];
-      // A reference that does not differ between rounds is one run.
-      const bool known =
-          is_reference && !list.empty() && std::ranges::any_of(list, [&](const ComparedRun* r) {
-            return setting_of(*r) == setting_of(*run);
-          });
+      // What does not differ between rounds is one run, however many cases name it; of references
+      // one a setting will do.
+      const bool known = std::ranges::any_of(list, [&](const ComparedRun* other) {
+        return setting_of(*other) == setting_of(*run) &&
+               (is_reference || other->param("repeat") == run->param("repeat"));
+      });
       if (!known) list.push_back(run);
-      if (!is_reference && list.size() == 1) order_.push_back(&list);
+      if (!is_reference && !known && list.size() == 1) order_.push_back(&list);
     }
   }
 
@@ -107,11 +117,9 @@ class SceneStudy {
 
  private:
   void find_finest() {
-    Runs all = converged_;
-    for (const auto& [mesh, runs] : references_) {
-      if (converged_.empty()) all.push_back(runs.back());
-    }
-    std::ranges::stable_sort(all, {}, [](const ComparedRun* run) { return run->tets(); });
+    Runs all;
+    for (const auto& [mesh, runs] : references_) all.push_back(runs.back());
+    std::ranges::sort(all, {}, [](const ComparedRun* run) { return run->tets(); });
     finest_ = all.back();
     if (all.size() > 1) next_ = all[all.size() - 2];
     span_ = finest_->param("fem_time") == "quasi_static" && finest_->param("solver") == "fem"
@@ -217,7 +225,6 @@ class SceneStudy {
   }
 
   DistanceBetween& distance_;
-  Runs converged_;
   std::map<std::string, Runs> references_;  // by mesh
   std::map<std::string, Runs> points_;      // by mesh and setting
   std::vector<const Runs*> order_;

@@ -16,10 +16,6 @@ struct StudyOptions {
   // those of one scene and mesh the last is the reference and the one before it says how far the
   // reference itself may be off.
   Json references = Json::array();
-  // Likewise: runs that stand for the body itself, whatever the mesh, as quadratic tets do: total
-  // errors are held against that of the most tets, and the next says how far it may be off.
-  // Without: the references of the finest mesh and of the next.
-  Json converged = Json::array();
   std::vector<double> wanted_mm;  // errors that the sentences speak of, largest first
 };
 
@@ -27,13 +23,14 @@ struct StudyOptions {
 // sentences}],
 //   effects: [{scene, label, tets, change, ms, ms_without, told_apart, mm, failed}] }
 //
-// body: {reference, tets, check, check_tets, agreement_mm}: what stands for it, null: no check
-// meshes: [{sha256, tets, reference, check, agreement_mm, discretisation_mm (null: stands for the
-// body)}] points: [{setting, label, solver, method (solver and device), run, mesh_sha256, tets,
+// body: {reference, tets, check, check_tets, agreement_mm}: the finest mesh, and the next (null:
+// none) meshes: [{sha256, tets, reference, check, agreement_mm, discretisation_mm (null: stands for
+// the body)}] points: [{setting, label, solver, method (solver and device), run, mesh_sha256, tets,
 //           ms [lo, median, hi], p99_ms (of the frames of one run), repeats, cs, solver_mm,
-//           solver_rms_mm, total_mm, end_mm, energy_rise, volume_off, inverted, failed (why; "": it
-//           did not), doubtful, total_doubtful (nearer to its reference than ten times that one to
-//           its check), front (no other point of its scene is both cheaper and nearer, in total)}]
+//           solver_rms_mm, total_mm, end_mm, energy_rise (null: of a scene whose energies are not
+//           all known), volume_off, inverted, failed (why; "": it did not), doubtful,
+//           total_doubtful (nearer to its reference than ten times that one to its check), front
+//           (no other point of its scene is both cheaper and nearer, in total)}]
 // Errors are the largest of any vertex in any frame (span "end": in the last), null where there is
 // none. Times are ms a frame (span "end": ms until it rests).
 Json study_of(const std::vector<ComparedRun>& runs, const StudyOptions& options);

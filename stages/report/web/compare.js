@@ -192,7 +192,7 @@
         scene.points.map(p => ({failed: p.failed !== "", cells: [p.label + (p.front ? " ★" : ""),
           number(p.tets), number(p.ms[1]), `${number(p.ms[0])} to ${number(p.ms[2])}`, orNone(p.p99_ms, "ms"), number(p.repeats),
           orNone(p.cs, "1"), orNone(p.solver_mm, "mm"), orNone(p.solver_rms_mm, "mm"),
-          orNone(p.total_mm, "mm"), number(p.energy_rise), number(p.volume_off), number(p.inverted),
+          orNone(p.total_mm, "mm"), orNone(p.energy_rise, "1"), number(p.volume_off), number(p.inverted),
           p.failed || "–"]})));
     }
   }
