@@ -364,7 +364,8 @@ ViewerData viewer_data(const TrajectoryReader& trajectory, std::size_t max_frame
       frames.ratios, [&](double r) { return 0.5 + 0.5 * (r - 1.0) / range; }, bytes);
   pack_values(
       frames.stresses, [&](double kpa) { return kpa / stress_range; }, bytes);
-  pack_values({least_quality_around(mesh, used)}, [](double quality) { return quality; }, bytes);
+  pack_values(
+      {least_quality_around(mesh, used)}, [](double quality) { return quality; }, bytes);
 
   Json meta{{"vertices", used.size()}, {"points", mesh.points.size()}, {"tets", mesh.tets.size()}};
   meta["times_s"] = Json::array();

@@ -177,8 +177,9 @@
           `failed. The body moves by up to ${quantity(Number(scene.size_mm.toPrecision(3)), "mm")}.`),
         element("details", {}, element("summary", {}, `All ${scene.points.length} points`),
           element("div", {class: "scroll"}, table)));
-      for (const [key, title] of [["solver_mm", "Solver's error on its own mesh"],
-                                  ["total_mm", "Error of mesh and solver together"]]) {
+      const errors = [["solver_mm", "Solver's error on its own mesh"]];
+      if (scene.meshes.length > 1) errors.push(["total_mm", "Error of mesh and solver together"]);
+      for (const [key, title] of errors) {
         const chart = viscera.workPrecision(box, scene, key, title);
         if (chart) charts.push(chart);
       }
