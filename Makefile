@@ -67,6 +67,7 @@ $(OUT)/%/manifest.json:
 	@$(MAKE) --no-print-directory stage-$*
 
 gpu-bundle: build $(OUT)/tetmesh/manifest.json ## build/gpu-bundle, to be copied to a GPU node
+	@$(BIN)/viscera run configs/gpu/meshes.yaml --quiet
 	@.ci/gpu-bundle
 
 test-gpu: build $(OUT)/tetmesh/manifest.json ## the GPU tests on this machine; fails without a device

@@ -25,6 +25,7 @@
 //       copies of its vertices that have their mass divided by `copies` at most
 //   static constexpr bool has_reference = true;   optional: see Evaluation
 //   static constexpr bool needs_rate = true;     optional: no force at equilibrium
+//   static constexpr bool linear_in_motion = true;  optional: over a step the force is linear in d
 //   static constexpr bool loses_stiffness = true;   optional: a law that gives way when compressed,
 //                                                and turns inside out under a load that it cannot
 //                                                carry

@@ -35,6 +35,12 @@ T element_force(const typename Effect::template Rest<T>& rest, const T* memory,
 }
 
 template <class Effect>
+constexpr bool is_linear_in_motion = [] {
+  if constexpr (requires { Effect::linear_in_motion; }) return Effect::linear_in_motion;
+  return false;
+}();
+
+template <class Effect>
 class EffectTerm final : public FemTerm {
  public:
   static constexpr int arity = Effect::arity, size = 3 * arity;
@@ -116,6 +122,31 @@ class EffectTerm final : public FemTerm {
 
   // -d force / d x, its symmetric part.
   Matrix tangent(std::size_t e, const FemFields& fields) const {
+    const Matrix k = [&] {
+      if constexpr (is_linear_in_motion<Effect>)
+        return tangent_by_unit_moves(e, fields);
+      else
+        return tangent_by_differentiation(e, fields);
+    }();
+    return 0.5 * (k + k.transpose());
+  }
+
+  // A linear force needs no derivatives: its slope is what unit moves call forth.
+  Matrix tangent_by_unit_moves(std::size_t e, const FemFields& fields) const {
+    const Rest own = rest(e);
+    Vec3<double> u[arity], force[arity];
+    for (int i = 0; i < arity; ++i) u[i] = fields.u[vertices_[e][i]];
+    Matrix k;
+    for (int j = 0; j < size; ++j) {
+      Vec3<double> d[arity] = {};
+      component(d[j / 3], j % 3) = 1.0;
+      element_force<Effect>(own, memory_of_element(e), u, d, force);
+      for (int i = 0; i < size; ++i) k(i, j) = -component(force[i / 3], i % 3);
+    }
+    return k;
+  }
+
+  Matrix tangent_by_differentiation(std::size_t e, const FemFields& fields) const {
     using D = Dual<size>;
     Vec3<D> u[arity], d[arity], force[arity];
     for (int i = 0; i < arity; ++i) {
@@ -128,13 +159,15 @@ class EffectTerm final : public FemTerm {
     for (int k = 0; k < memory_of<Effect>; ++k) memory[k] = D(memory_of_element(e)[k]);
     element_force<Effect>(as_constants<D>(rest(e)), memory, u, d, force);
     Matrix k;
-    for (int i = 0; i < arity; ++i) {
-      const D* const parts[3] = {&force[i].x, &force[i].y, &force[i].z};
-      for (int axis = 0; axis < 3; ++axis) {
-        for (int j = 0; j < size; ++j) k(3 * i + axis, j) = -parts[axis]->slope[j];
-      }
+    for (int i = 0; i < size; ++i) {
+      for (int j = 0; j < size; ++j) k(i, j) = -component(force[i / 3], i % 3).slope[j];
     }
-    return 0.5 * (k + k.transpose());
+    return k;
+  }
+
+  template <class T>
+  static T& component(Vec3<T>& v, int axis) {
+    return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
   }
 
   // The numbers of a Rest as another type.

@@ -7,6 +7,7 @@
 #include <Eigen/CholmodSupport>
 
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
+extern "C" void omp_set_max_active_levels(int) __attribute__((weak));
 #endif
 
 namespace viscera::sim {
@@ -20,6 +21,8 @@ struct Factorization : Eigen::CholmodSupernodalLLT<Matrix, Eigen::Lower> {
     cholmod().print = 0;  // an indefinite matrix is no news here
     // Where the BLAS is OpenBLAS: its threads sum in orders that change from run to run.
     if (openblas_set_num_threads) openblas_set_num_threads(1);
+    // CHOLMOD asks for four threads whatever the machine has, for copies that take microseconds.
+    if (omp_set_max_active_levels) omp_set_max_active_levels(0);
   }
 };
 #else

@@ -87,8 +87,12 @@ void make_report(StageRun& run) {
   if (run.has_input("trajectory")) {
     const auto path = run.input("trajectory");
     const TrajectoryReader trajectory(path);
-    ViewerData viewer =
-        viewer_data(trajectory, run.param<std::size_t>("max_frames"), path.string());
+    Json simulate;
+    for (const auto& stage : report["stages"]) {
+      if (stage["stage"] == "simulate") simulate = stage;
+    }
+    ViewerData viewer = viewer_data(trajectory, run.param<std::size_t>("max_frames"), path.string(),
+                                    tissue_of(report["scene"], simulate));
     report["viewer"] = std::move(viewer.meta);
     geometry = std::move(viewer.packed);
     const std::string gltf = gltf_binary(trajectory, run.param<std::size_t>("gltf_frames"));

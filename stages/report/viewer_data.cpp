@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
@@ -139,6 +140,51 @@ std::vector<float> ratios_around(const TetMesh& mesh, const std::vector<int>& us
   return ratios;
 }
 
+// Mean of the tets around each used point, by their volume at rest.
+std::vector<float> mean_around(const TetMesh& mesh, const std::vector<int>& used,
+                               const std::vector<double>& rest, const std::vector<double>& of_tet) {
+  std::vector<double> sum(mesh.points.size()), volume(mesh.points.size());
+  for (std::size_t i = 0; i < mesh.tets.size(); ++i) {
+    for (const int p : mesh.tets[i]) {
+      sum[p] += rest[i] * of_tet[i];
+      volume[p] += rest[i];
+    }
+  }
+  std::vector<float> means;
+  means.reserve(used.size());
+  for (const int p : used) {
+    means.push_back(volume[p] > 0.0 ? static_cast<float>(sum[p] / volume[p]) : 0.0f);
+  }
+  return means;
+}
+
+// 12 (3 V)^(2/3) / sum l^2 over the edges: 1 for a regular tet (Liu and Joe, BIT 34, 1994).
+double mean_ratio(const TetMesh& mesh, const std::array<int, 4>& tet, double volume) {
+  double squares = 0.0;
+  for (int a = 0; a < 4; ++a) {
+    for (int b = 0; b < a; ++b) {
+      for (int k = 0; k < 3; ++k) {
+        const double edge = mesh.points[tet[a]][k] - mesh.points[tet[b]][k];
+        squares += edge * edge;
+      }
+    }
+  }
+  return 12.0 * std::cbrt(9.0 * volume * volume) / squares;
+}
+
+std::vector<float> least_quality_around(const TetMesh& mesh, const std::vector<int>& used) {
+  const auto volumes = tet_volumes(mesh, mesh.points[0].data());
+  std::vector<double> least(mesh.points.size(), 1.0);
+  for (std::size_t i = 0; i < mesh.tets.size(); ++i) {
+    const double quality = mean_ratio(mesh, mesh.tets[i], std::max(volumes[i], 0.0));
+    for (const int p : mesh.tets[i]) least[p] = std::min(least[p], quality);
+  }
+  std::vector<float> kept;
+  kept.reserve(used.size());
+  for (const int p : used) kept.push_back(static_cast<float>(least[p]));
+  return kept;
+}
+
 struct Box {
   std::array<double, 3> lo, step;
 };
@@ -190,25 +236,27 @@ void pack_positions(const std::vector<std::vector<float>>& frames, const Box& bo
   }
 }
 
-// The range that holds 99 % of the ratios, so that one bad element does not wash out the colours.
-double ratio_range(const std::vector<std::vector<float>>& ratios) {
+// How far from `middle` 99 % of the values lie, so that one bad element does not wash out the
+// colours.
+double range_around(double middle, const std::vector<std::vector<float>>& frames, double least) {
   std::vector<double> off;
-  for (const auto& frame : ratios) {
-    for (const float r : frame) off.push_back(std::abs(static_cast<double>(r) - 1.0));
+  for (const auto& frame : frames) {
+    for (const float value : frame) off.push_back(std::abs(static_cast<double>(value) - middle));
   }
-  if (off.empty()) return 0.01;
+  if (off.empty()) return 10.0 * least;
   const auto p99 = off.begin() + static_cast<std::ptrdiff_t>(0.99 * double(off.size() - 1));
   std::nth_element(off.begin(), p99, off.end());
-  return std::max(*p99, 0.001);
+  return std::max(*p99, least);
 }
 
-void pack_ratios(const std::vector<std::vector<float>>& ratios, double range, std::string& bytes) {
-  if (ratios.empty()) return;
-  std::vector<int> before(ratios[0].size(), 0);
-  for (const auto& frame : ratios) {
+// `part` of a value: 0 to 1.
+template <class Part>
+void pack_values(const std::vector<std::vector<float>>& frames, Part&& part, std::string& bytes) {
+  if (frames.empty()) return;
+  std::vector<int> before(frames[0].size(), 0);
+  for (const auto& frame : frames) {
     for (std::size_t i = 0; i < frame.size(); ++i) {
-      const double t = std::clamp((static_cast<double>(frame[i]) - 1.0) / range, -1.0, 1.0);
-      const int q = 127 + static_cast<int>(std::lround(127.0 * t));
+      const int q = static_cast<int>(std::lround(254.0 * std::clamp(part(frame[i]), 0.0, 1.0)));
       bytes += static_cast<char>((q - before[i]) & 0xff);
       before[i] = q;
     }
@@ -229,12 +277,13 @@ std::array<double, 12> rigid_motion(const TetMesh& mesh, const std::vector<doubl
 struct Frames {
   std::vector<std::vector<float>> positions;  // rest first
   std::vector<std::vector<float>> ratios;
+  std::vector<std::vector<float>> stresses;     // kPa; none: not known
   std::vector<std::map<int, double>> label_ml;  // rest first
   std::vector<std::array<double, 12>> rigid_motions;
 };
 
 Frames collect(const TrajectoryReader& trajectory, const std::vector<int>& used,
-               const std::vector<std::size_t>& chosen) {
+               const std::vector<std::size_t>& chosen, const std::optional<VonMises>& stress) {
   const TetMesh& mesh = trajectory.mesh();
   Frames frames;
   const auto keep = [&](const double* xyz) {
@@ -255,6 +304,7 @@ Frames collect(const TrajectoryReader& trajectory, const std::vector<int>& used,
     keep(xyz.data());
     frames.rigid_motions.push_back(rigid_motion(mesh, xyz));
     frames.ratios.push_back(ratios_around(mesh, used, rest, now));
+    if (stress) frames.stresses.push_back(mean_around(mesh, used, rest, (*stress)(xyz)));
     frames.label_ml.push_back(label_volumes_ml(mesh, now));
     log::progress("frames", static_cast<double>(i + 1) / static_cast<double>(chosen.size()));
   }
@@ -283,7 +333,7 @@ Json labels_json(const TetMesh& mesh, const std::vector<std::map<int, double>>& 
 }  // namespace
 
 ViewerData viewer_data(const TrajectoryReader& trajectory, std::size_t max_frames,
-                       const std::string& where) {
+                       const std::string& where, const Tissue& tissue) {
   const TetMesh& mesh = trajectory.mesh();
   if (mesh.tets.empty()) {
     throw Error(ExitCode::bad_input, {.where = where,
@@ -296,14 +346,26 @@ ViewerData viewer_data(const TrajectoryReader& trajectory, std::size_t max_frame
   Groups groups = visible_faces(mesh, rest_ml);
   const auto used = compact(groups, mesh.points.size());
   const auto chosen = chosen_frames(trajectory.times_s().size(), max_frames);
-  const Frames frames = collect(trajectory, used, chosen);
+  std::optional<VonMises> stress;
+  const bool known = std::ranges::all_of(mesh.labels, [&](int label) {
+    const auto name = mesh.label_names.find(label);
+    return name != mesh.label_names.end() && tissue.contains(name->second);
+  });
+  if (known) stress.emplace(mesh, tissue);
+  const Frames frames = collect(trajectory, used, chosen, stress);
   const Box box = box_of(frames.positions);
-  const double range = ratio_range(frames.ratios);
+  const double range = range_around(1.0, frames.ratios, 0.001);
+  const double stress_range = range_around(0.0, frames.stresses, 0.001);
 
   std::string bytes;
   pack_triangles(groups, bytes);
   pack_positions(frames.positions, box, bytes);
-  pack_ratios(frames.ratios, range, bytes);
+  pack_values(
+      frames.ratios, [&](double r) { return 0.5 + 0.5 * (r - 1.0) / range; }, bytes);
+  pack_values(
+      frames.stresses, [&](double kpa) { return kpa / stress_range; }, bytes);
+  pack_values(
+      {least_quality_around(mesh, used)}, [](double quality) { return quality; }, bytes);
 
   Json meta{{"vertices", used.size()}, {"points", mesh.points.size()}, {"tets", mesh.tets.size()}};
   meta["times_s"] = Json::array();
@@ -313,6 +375,7 @@ ViewerData viewer_data(const TrajectoryReader& trajectory, std::size_t max_frame
   meta["step_mm"] = box.step;
   meta["position_error_mm"] = 0.5 * std::hypot(box.step[0], box.step[1], box.step[2]);
   meta["ratio_range"] = range;
+  meta["stress_range_kPa"] = frames.stresses.empty() ? Json(nullptr) : Json(stress_range);
   meta["rigid_motions"] = frames.rigid_motions;
   meta["groups"] = Json::array();
   for (const auto& [labels, triangles] : groups) {

@@ -8,6 +8,7 @@
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/input_digest.hpp"
 #include "pipeline/contract/log.hpp"
+#include "sim/solvers/make.hpp"
 
 namespace viscera {
 namespace {
@@ -39,6 +40,14 @@ double doubt_of(const Json& scene, const std::string& mesh) {
   return std::numeric_limits<double>::infinity();
 }
 
+// Whether a point was timed on a device that this run may use.
+bool is_at_hand(const StageRun& run, const Json& point) {
+  const std::string wanted = run.param<std::string>("device");
+  const std::string device = point.at("setting").value("device", "cpu");
+  if (wanted != "auto") return device == wanted;
+  return device == "cpu" || sim::find_cuda_device().name;
+}
+
 // What to do where no point on this mesh gets there.
 std::string remedy_for(const Json& scene, double accuracy_mm) {
   for (const auto& point : scene.at("points")) {
@@ -59,7 +68,7 @@ const Json& cheapest(const StageRun& run, const Json& scene, double accuracy_mm)
   const auto cost = [](const Json& point) { return point.at("ms").at(1).get<double>(); };
   for (const auto& point : scene.at("points")) {
     const bool counts = point.at("mesh_sha256") == mesh && point.at("failed") == "" &&
-                        point.at("total_mm").is_number();
+                        point.at("total_mm").is_number() && is_at_hand(run, point);
     if (!counts) continue;
     if (!nearest || error(point) < error(*nearest)) nearest = &point;
     const bool reaches = error(point) + doubt <= accuracy_mm;
@@ -67,8 +76,8 @@ const Json& cheapest(const StageRun& run, const Json& scene, double accuracy_mm)
   }
   if (best) return *best;
   if (!nearest) {
-    throw refused(run, "the study has no point on this mesh", "a mesh that the study has used",
-                  "run the study with it");
+    throw refused(run, "the study has no point on this mesh and device",
+                  "a mesh and a device that the study has used", "run the study with them");
   }
   throw refused(run, fmt::format("{:g} mm is not reached on this mesh", accuracy_mm),
                 fmt::format("{:.3g} mm or more: {}", error(*nearest) + doubt,

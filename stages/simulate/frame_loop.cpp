@@ -13,6 +13,17 @@ using Clock = std::chrono::steady_clock;
 // A body that has moved this many times its own size has left the scene, not deformed.
 constexpr double lost_after_sizes = 1e3;
 
+// What `work` returns; adds its wall time to `seconds`.
+template <class Work>
+auto timed(double& seconds, Work&& work) {
+  struct Watch {
+    double& seconds;
+    Clock::time_point begin = Clock::now();
+    ~Watch() { seconds += std::chrono::duration<double>(Clock::now() - begin).count(); }
+  } const watch{seconds};
+  return work();
+}
+
 std::string why_diverged(const sim::State& state, const sim::Diagnostics& now, double size) {
   if (!state.finite()) return "values that are not finite";
   if (now.max_displacement > lost_after_sizes * size) {
@@ -40,24 +51,23 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
       still_since = -1.0;
       log::info("t {:.3f} s: the schedule's change {}", (index - 1) * frame_s, setting);
     }
-    const auto begin = Clock::now();
+    double step_s = 0.0;
     try {
-      if (index > first_frame) solver.advance_frame();
+      if (index > first_frame) timed(step_s, [&] { solver.advance_frame(); });
     } catch (const sim::Diverged& diverged) {
       outcome.divergence = diverged.what();
       break;
     }
-    const double ms = 1e3 * std::chrono::duration<double>(Clock::now() - begin).count();
 
-    sim::State state = solver.state();
-    Frame frame{
-        .index = index, .time_s = index * frame_s, .step_ms = index > first_frame ? ms : 0.0};
-    frame.now = diagnose(model, scene, state);
+    Aside& aside = outcome.aside;
+    Frame frame{.index = index, .time_s = index * frame_s, .step_ms = 1e3 * step_s};
+    sim::State state = timed(aside.transfer, [&] { return solver.state(); });
+    frame.now = timed(aside.diagnosis, [&] { return diagnose(model, scene, state); });
     outcome.divergence = why_diverged(state, frame.now, size);
     if (!outcome.divergence.empty()) return outcome;
-    frame.contacts = solver.contact_count();
-    frame.state_hash = state.hash();
-    keep(frame, state);
+    frame.contacts = timed(aside.transfer, [&] { return solver.contact_count(); });
+    frame.state_hash = timed(aside.diagnosis, [&] { return state.hash(); });
+    timed(aside.writing, [&] { keep(frame, state); });
 
     if (frame.contacts > 0 && outcome.contact_time_s < 0.0) outcome.contact_time_s = frame.time_s;
     const bool still = index > first_frame && frame.now.max_speed < scene.rest.speed;

@@ -17,7 +17,14 @@ struct Frame {
   sim::Diagnostics now;
   std::size_t contacts = 0;
   std::uint64_t state_hash = 0;
-  double step_ms = 0.0;  // wall time of advance_frame
+  double step_ms = 0.0;  // wall time of advance_frame, in which a device has finished
+};
+
+// Wall time beside the steps, s.
+struct Aside {
+  double transfer = 0.0;   // of the state from the solver, from a device
+  double diagnosis = 0.0;  // energies, volumes, hash
+  double writing = 0.0;
 };
 
 struct Outcome {
@@ -27,8 +34,9 @@ struct Outcome {
   double rest_time_s = -1.0;     // when the body came to rest; negative: it did not
   std::string divergence;        // empty: none
   std::vector<std::pair<std::string, double>> seconds;  // of the solver, by effect
-  sim::State last;                                      // the last good state
-  sim::State most_deformed;                             // where the elastic energy was greatest
+  Aside aside;
+  sim::State last;           // the last good state
+  sim::State most_deformed;  // where the elastic energy was greatest
 };
 
 // `keep` is called for every good frame, the first included. Body and scene, with which the solver

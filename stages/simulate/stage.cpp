@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <chrono>
 #include <fstream>
 
 #include "pipeline/contract/atomic_file.hpp"
@@ -214,7 +215,10 @@ void simulate(StageRun& run) {
   report_viscosity(run, model, file.scene);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
 
+  const auto begin = std::chrono::steady_clock::now();
   const auto solver = choose_solver(run, model, file.scene);
+  const std::chrono::duration<double> setup = std::chrono::steady_clock::now() - begin;
+  run.machine_metric("setup_wall", setup.count(), "s");
   rehearse(schedule, model, file.scene, *solver);
   run.set_device(solver->device());
   log::info("{} tets, {} vertices on {}; effects: {}", model.tet_count(), model.vertex_count(),

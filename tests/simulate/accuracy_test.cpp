@@ -56,6 +56,14 @@ TEST_F(Accuracy, IsRefusedWhenNoneReachesItNamingTheNearest) {
   EXPECT_FALSE(fs::exists(path("out") / "manifest.json"));
 }
 
+TEST_F(Accuracy, APointOfADeviceThatTheRunMayNotUseDoesNotCount) {
+  auto device = point("xpbd", 16, 0.1, 0.01);
+  device["setting"]["device"] = "cuda";
+  write_study({device, point("xpbd", 40, 2.0, 0.35)});
+  ASSERT_EQ(run_with("0.5mm", {"--set", "device=cpu"}), 0) << errors;
+  EXPECT_EQ(metric("substeps"), 40);
+}
+
 TEST_F(Accuracy, IsRefusedForAnotherSceneMeshOrNoStudy) {
   write_study(Json::array({point("tled", 48, 3.0, 0.3)}));
   EXPECT_EQ(run_with("1mm", {"--set", "change={materials.liver.E: 9 kPa}"}), 3);

@@ -7,6 +7,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 #include <regex>
 
 #include "pipeline/contract/atomic_file.hpp"
@@ -110,6 +111,10 @@ TEST_F(Web, TheMeshIsDrawnMovesAndFollowsThemeAndField) {
   EXPECT_GT(changed(later, shape), 0.05);
   EXPECT_GT(changed(later, ratio), 0.05);
   EXPECT_GT(changed(shape, ratio), 0.05);
+  const Picture stress = picture("t=0.2&theme=light&colour=stress");
+  EXPECT_GT(changed(stress, shape), 0.05);
+  EXPECT_GT(changed(picture("t=0.2&theme=light&colour=quality"), stress), 0.05);
+  EXPECT_GT(stress.statistics(r.left, r.top, r.w, r.h).deviation, 12.0) << "a blank canvas";
   EXPECT_EQ(browser_.console(), "");
 }
 
@@ -196,12 +201,16 @@ TEST_F(Web, FiftyThousandTetsStaySmallAndOpenSoon) {
   run.frames = 120;
   make_whole_report(run);
   EXPECT_LT(fs::file_size(out_ / "report.html"), 15'000'000u);
-  const std::string document = browser_.document(address("t=0"), width, height);
-  const std::string ms = status(document, "data-first-frame-ms");
-  ASSERT_FALSE(ms.empty());
-  std::printf("first frame after %s ms, page of %.1f MB\n", ms.c_str(),
+  double least = std::numeric_limits<double>::infinity();  // ms; what else runs here only adds
+  for (int load = 0; load < 5 && least > 2000.0; ++load) {
+    const std::string ms =
+        status(browser_.document(address("t=0"), width, height), "data-first-frame-ms");
+    ASSERT_FALSE(ms.empty());
+    least = std::min(least, std::stod(ms));
+  }
+  std::printf("first frame after %g ms, page of %.1f MB\n", least,
               static_cast<double>(fs::file_size(out_ / "report.html")) / 1e6);
-  EXPECT_LT(std::stod(ms), 8000.0);  // 2 s on an idle machine; tests share theirs
+  EXPECT_LT(least, 2000.0);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "stages/report/compare/compare_stage.hpp"
+#include "stages/report/compare/csv.hpp"
 #include "stages/report/compare/distance.hpp"
 #include "stages/report/compare/figures.hpp"
 #include "stages/report/compare/sentences.hpp"
@@ -143,8 +144,78 @@ TEST_F(Compare, EqualRunsAreOnePointAndMustBeEqual) {
   const Json point = study_of(runs, options)["scenes"][0]["points"].at(0);
   EXPECT_EQ(point["ms"], (Json{1.0, 2.0, 3.0}));
   EXPECT_EQ(point["failed"], "");
+  EXPECT_EQ(point["repeats"], 3);
+  runs.push_back(runs.back());  // named by another case
+  EXPECT_EQ(study_of(runs, options)["scenes"][0]["points"][0]["repeats"], 3);
   runs[2].manifest["outputs"][0]["sha256"] = "other";
   EXPECT_EQ(study_of(runs, options)["scenes"][0]["points"][0]["failed"], "equal runs differ");
+}
+
+TEST_F(Compare, TheFinestMeshStandsForTheBodyAndTheNextChecksIt) {
+  const TetMesh coarse = sample_mesh(2), next = sample_mesh(3), fine = sample_mesh(4);
+  std::vector<ComparedRun> runs = {
+      run("tled", 64, 0.0, 9, coarse, "c"), run("xpbd", 8, 3.0, 2.0, coarse, "c"),
+      run("tled", 64, 2.0, 9, next, "n"), run("tled", 64, 2.25, 9, fine, "f")};
+  const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
+  const Json scene = study_of(runs, options)["scenes"][0];
+  const double unit = height(coarse) / 100.0;
+  EXPECT_EQ(scene["body"]["tets"], fine.tets.size());
+  EXPECT_EQ(scene["body"]["check_tets"], next.tets.size());
+  EXPECT_NEAR(scene["body"]["agreement_mm"].get<double>(), 0.25 * height(next) / 100.0, 1e-3);
+  EXPECT_NEAR(scene["points"][0]["total_mm"].get<double>(), 0.75 * unit, 1e-3);
+  EXPECT_TRUE(scene["points"][0]["total_doubtful"].get<bool>());
+}
+
+TEST_F(Compare, EnergyThatIsNotAllKnownHasNoDrift) {
+  const TetMesh mesh = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 3.0, mesh, "m")};
+  const auto rise = [&] {
+    const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
+    return study_of(runs, options)["scenes"][0]["points"][0]["energy_rise"];
+  };
+  runs[1].series["total_J"] = {1.0, 1.5};
+  EXPECT_DOUBLE_EQ(rise().get<double>(), 0.5);
+  runs[1].manifest["metrics"].push_back({{"name", "effects_on"}, {"value", {"gravity", "spring"}}});
+  EXPECT_TRUE(rise().is_null());
+}
+
+TEST_F(Compare, ASingleRunIsTimedAsUncertainlyAsItsFrames) {
+  const TetMesh mesh = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 4.0, mesh, "m")};
+  runs[1].manifest["metrics"].push_back({{"name", "frame_ms_q1"}, {"value", 3.0}});
+  runs[1].manifest["metrics"].push_back({{"name", "frame_ms_q3"}, {"value", 6.0}});
+  const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
+  EXPECT_EQ(study_of(runs, options)["scenes"][0]["points"][0]["ms"], (Json{3.0, 4.0, 6.0}));
+}
+
+TEST_F(Compare, ADeviceHasPointsOfItsOwnAndIsNamed) {
+  const TetMesh mesh = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 3.0, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 0.2, mesh, "m")};
+  runs[1].manifest["device"] = "cpu, 16 threads";
+  runs[2].manifest["device"] = "cuda, NVIDIA H200";
+  const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
+  const Json scene = study_of(runs, options)["scenes"][0];
+  ASSERT_EQ(scene["points"].size(), 2u);
+  EXPECT_EQ(scene["points"][0]["method"], "xpbd");
+  EXPECT_EQ(scene["points"][1]["method"], "xpbd on CUDA");
+  EXPECT_EQ(scene["points"][1]["label"], "xpbd on CUDA, 8 substeps");
+  EXPECT_EQ(scene["points"][1]["setting"]["device"], "cuda");
+  EXPECT_NE(scene["sentences"][0].get<std::string>().find(
+                "1 mm costs 0.2 ms (xpbd on CUDA, 8 substeps), xpbd needs 3 ms"),
+            std::string::npos)
+      << scene["sentences"][0];
+}
+
+TEST(Csv, HoldsQuartilesQuotesTextsAndLeavesNullEmpty) {
+  const Json rows = {{{"label", "a, \"b\""}, {"ms", {1.0, 2.5, 3.0}}, {"mm", nullptr}, {"n", 3}},
+                     {{"label", "c"}, {"ms", {4.0, 5.0, 6.0}}, {"mm", 0.1234567}, {"n", 4}}};
+  EXPECT_EQ(csv_of(rows),
+            "label,ms_q1,ms,ms_q3,mm,n\n\"a, \"\"b\"\"\",1,2.5,3,,3\nc,4,5,6,0.123457,4\n");
+  EXPECT_EQ(csv_of(Json::array()), "");
 }
 
 TEST_F(Compare, AnEffectIsHeldAgainstTheSameSceneWithoutIt) {
@@ -159,7 +230,7 @@ TEST_F(Compare, AnEffectIsHeldAgainstTheSameSceneWithoutIt) {
 }
 
 Json point(const char* solver, double lo, double ms, double hi, Json mm) {
-  return {{"label", solver},    {"solver", solver}, {"mesh_sha256", "m"}, {"tets", 100},
+  return {{"label", solver},    {"method", solver}, {"mesh_sha256", "m"}, {"tets", 100},
           {"ms", {lo, ms, hi}}, {"solver_mm", mm},  {"total_mm", mm},     {"failed", ""}};
 }
 

@@ -22,6 +22,8 @@ struct Unpacked {
   std::vector<std::uint32_t> triangles;
   std::vector<std::vector<double>> positions;  // rest first; x of all vertices, then y, then z
   std::vector<std::vector<double>> ratios;
+  std::vector<std::vector<double>> stresses;  // kPa
+  std::vector<double> quality;
 };
 
 Unpacked unpack(const ViewerData& data) {
@@ -29,7 +31,10 @@ Unpacked unpack(const ViewerData& data) {
   const std::size_t n = meta["vertices"], frames = meta["times_s"].size();
   std::size_t corners = 0;
   for (const auto& group : meta["groups"]) corners += 3 * group["triangles"].get<std::size_t>();
-  std::vector<std::uint8_t> bytes(4 * corners + 6 * n * (frames + 1) + n * frames);
+  const double stress_range =
+      meta["stress_range_kPa"].is_null() ? 0.0 : meta["stress_range_kPa"].get<double>();
+  const std::size_t fields = stress_range > 0.0 ? 2 : 1;
+  std::vector<std::uint8_t> bytes(4 * corners + 6 * n * (frames + 1) + fields * n * frames + n);
   uLongf size = bytes.size();
   EXPECT_EQ(uncompress(bytes.data(), &size, reinterpret_cast<const Bytef*>(data.packed.data()),
                        data.packed.size()),
@@ -54,15 +59,23 @@ Unpacked unpack(const ViewerData& data) {
     }
     out.positions.push_back(xyz);
   }
-  std::vector<std::uint8_t> r(n, 0);
-  for (std::size_t f = 0; f < frames; ++f, at += n) {
-    std::vector<double> ratios;
-    for (std::size_t i = 0; i < n; ++i) {
-      r[i] = static_cast<std::uint8_t>(r[i] + at[i]);
-      ratios.push_back(1.0 + meta["ratio_range"].get<double>() * (r[i] / 127.0 - 1.0));
+  const auto values = [&](std::size_t count, auto&& value_of) {
+    std::vector<std::vector<double>> all;
+    std::vector<std::uint8_t> last(n, 0);
+    for (std::size_t f = 0; f < count; ++f, at += n) {
+      std::vector<double>& frame = all.emplace_back();
+      for (std::size_t i = 0; i < n; ++i) {
+        last[i] = static_cast<std::uint8_t>(last[i] + at[i]);
+        frame.push_back(value_of(last[i]));
+      }
     }
-    out.ratios.push_back(ratios);
-  }
+    return all;
+  };
+  const double ratio_range = meta["ratio_range"];
+  out.ratios = values(frames, [&](int byte) { return 1.0 + ratio_range * (byte / 127.0 - 1.0); });
+  if (fields == 2)
+    out.stresses = values(frames, [&](int byte) { return stress_range * byte / 254.0; });
+  out.quality = values(1, [](int byte) { return byte / 254.0; })[0];
   return out;
 }
 
@@ -179,6 +192,42 @@ TEST_F(Report, VolumeRatiosAreThoseOfTheMotion) {
     const double expected = std::pow(1.0 + 0.1 * static_cast<double>(f), 3);
     for (const double ratio : unpacked.ratios[f]) EXPECT_NEAR(ratio, expected, 0.005);
   }
+}
+
+TEST_F(Report, QualityIsOneForARegularTetAndThatOfTheWorstAround) {
+  TetMesh mesh;
+  mesh.points = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}, {3.0, 3.0, -3.0}};
+  mesh.tets = {{0, 2, 1, 3}, {0, 1, 2, 4}};
+  mesh.labels = {1, 1};
+  mesh.label_names = {{1, "liver"}};
+  write(mesh, {});
+  const auto quality = unpack(viewer()).quality;
+  EXPECT_NEAR(quality[3], 1.0, 0.005);
+  EXPECT_LT(quality[4], 0.95);
+  EXPECT_GT(quality[4], 0.2);
+  EXPECT_EQ(quality[0], quality[4]);
+}
+
+TEST_F(Report, StressesAreThoseOfTheMotionWhereTheTissueIsKnown) {
+  const TetMesh mesh = sample_mesh(4);
+  const double mu = 2000.0, gamma = 0.2;
+  std::vector<float> still, sheared;  // simple shear: no change of volume, one stress everywhere
+  for (const auto& p : mesh.points) {
+    for (const double x : p) still.push_back(static_cast<float>(x));
+    for (const double x : {p[0] + gamma * p[1], p[1], p[2]}) {
+      sheared.push_back(static_cast<float>(x));
+    }
+  }
+  write(mesh, {still, sheared});
+  const sim::Lame lame{.lambda = 9.0 * mu, .mu = mu};
+  const Unpacked unpacked =
+      unpack(viewer_data(TrajectoryReader(h5_), 9, "x", {{"liver", lame}, {"tumour", lame}}));
+  ASSERT_EQ(unpacked.stresses.size(), 2u);
+  const double kpa = 1e-3 * mu * std::sqrt(std::pow(gamma, 4) + 3.0 * gamma * gamma);
+  for (const double stress : unpacked.stresses[0]) EXPECT_NEAR(stress, 0.0, 0.005 * kpa);
+  for (const double stress : unpacked.stresses[1]) EXPECT_NEAR(stress, kpa, 0.005 * kpa);
+  EXPECT_TRUE(
+      unpack(viewer_data(TrajectoryReader(h5_), 9, "x", {{"liver", lame}})).stresses.empty());
 }
 
 TEST_F(Report, RigidMotionIsFoundAndTakenOut) {

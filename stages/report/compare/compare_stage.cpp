@@ -5,6 +5,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
+#include "stages/report/compare/csv.hpp"
 #include "stages/report/compare/ensemble.hpp"
 #include "stages/report/compare/figures.hpp"
 #include "stages/report/compare/study.hpp"
@@ -15,7 +16,7 @@
 namespace viscera {
 namespace {
 
-constexpr const char* version = "1";
+constexpr const char* version = "2";
 
 Param list(const char* name, Json fallback, const char* doc) {
   return {.name = name, .type = ParamType::list, .fallback = std::move(fallback), .doc = doc};
@@ -31,6 +32,9 @@ StageInfo compare_info() {
                   .manifest = true}};
   info.outputs = {{"compare.html", "comparison", "the page; opens from disk, loads nothing"},
                   {"study.json", "study", "all figures, for programs and --set accuracy"},
+                  {"study.csv", "", "the points of every scene, a row each"},
+                  {"effects.csv", "", "what each effect costs and changes"},
+                  {"methods.csv", "", "time and smoothness of the runs of the table"},
                   {"stiffness.png", "", "grid of runs by time (param grid)"},
                   {"methods.png", "", "methods side by side at their greatest deformation"},
                   {"overlay.png", "", "the second method over the others, outlined"},
@@ -81,12 +85,29 @@ Json method_row(const ComparedRun& run) {
            {"tets", run.tets()},
            {"device", run.manifest["device"]},
            {"exit", run.manifest["exit"]}};
-  for (const char* name :
-       {"substeps", "contact_time", "rest_time", "task_wall", "steps_wall", "frames",
-        "frame_ms_median", "frame_ms_q1", "frame_ms_q3", "smoothness_rest",
-        "smoothness_rest_deviation", "max_deformation_time", "smoothness_max_deformation",
-        "smoothness_max_deformation_deviation", "inverted_max_deformation", "inverted_max",
-        "stability_Cs_max", "min_J"}) {
+  for (const char* name : {"substeps",
+                           "contact_time",
+                           "rest_time",
+                           "task_wall",
+                           "steps_wall",
+                           "frames",
+                           "frame_ms_median",
+                           "frame_ms_q1",
+                           "frame_ms_q3",
+                           "frame_ms_p99",
+                           "setup_wall",
+                           "transfer_wall",
+                           "diagnosis_wall",
+                           "writing_wall",
+                           "smoothness_rest",
+                           "smoothness_rest_deviation",
+                           "max_deformation_time",
+                           "smoothness_max_deformation",
+                           "smoothness_max_deformation_deviation",
+                           "inverted_max_deformation",
+                           "inverted_max",
+                           "stability_Cs_max",
+                           "min_J"}) {
     row[name] = metric(name);
   }
   const auto& times = run.trajectory->times_s();
@@ -133,6 +154,25 @@ Json views(const RunList& methods, std::size_t max_frames) {
                    {"packed", base64(data.packed)}});
   }
   return all;
+}
+
+// study.csv holds the points of all scenes; what only programs want stays in study.json.
+void write_tables(const StageRun& run, const Json& report) {
+  Json points = Json::array();
+  for (const auto& scene : report["study"]["scenes"]) {
+    for (const auto& point : scene["points"]) {
+      Json row{{"scene", scene["name"]}, {"span", scene["span"]}};
+      row.update(point);
+      for (const char* column : {"setting", "mesh_sha256", "run"}) row.erase(column);
+      points.push_back(std::move(row));
+    }
+  }
+  const auto write = [&run](const char* file, const Json& rows) {
+    if (!rows.empty()) write_atomically(run.out(file), csv_of(rows));
+  };
+  write("study.csv", points);
+  write("effects.csv", report["study"]["effects"]);
+  write("methods.csv", report["methods"]);
 }
 
 void check(const StageRun& run) {
@@ -194,6 +234,7 @@ void compare(StageRun& run) {
   Json programs = report;  // without pictures and geometry
   for (const char* shown : {"figures", "views"}) programs.erase(shown);
   write_atomically(run.out("study.json"), programs.dump(1) + "\n");
+  write_tables(run, report);
   const std::string page = filled_page(web::compare_skeleton(), web::compare_scripts(),
                                        run.param<std::string>("title"), report);
   write_atomically(run.out("compare.html"), page);

@@ -38,20 +38,20 @@ std::string name_of(const Json& point, const std::string& mesh) {
 std::string price(const Json& scene, const std::vector<const Json*>& all, const std::string& mesh) {
   const Json& best = *all.front();
   std::vector<std::string> alike, dearer, without;
-  std::set<std::string> told = {best["solver"]};
+  std::set<std::string> told = {best["method"]};
   for (const Json* other : all) {
-    const std::string solver = (*other)["solver"];
-    if (!told.insert(solver).second) continue;
+    const std::string method = (*other)["method"];
+    if (!told.insert(method).second) continue;
     if ((*other)["ms"][0].get<double>() > best["ms"][2].get<double>()) {
-      dearer.push_back(fmt::format(", {} needs {}", solver, ms(*other)));
+      dearer.push_back(fmt::format(", {} needs {}", method, ms(*other)));
     } else {
       alike.push_back(fmt::format("{} ({})", name_of(*other, mesh), ms(*other)));
     }
   }
   for (const auto& p : scene["points"]) {
-    const std::string solver = p["solver"];
+    const std::string method = p["method"];
     const bool here = mesh.empty() || p["mesh_sha256"] == mesh;
-    if (here && told.insert(solver).second) without.push_back(solver);
+    if (here && told.insert(method).second) without.push_back(method);
   }
   std::string text = fmt::format("{} ({})", ms(best), name_of(best, mesh));
   if (!alike.empty()) {

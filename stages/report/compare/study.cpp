@@ -1,15 +1,14 @@
 #include "stages/report/compare/study.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
-#include <set>
 
 #include "stages/report/compare/distance.hpp"
 #include "stages/report/compare/sentences.hpp"
+#include "stages/report/compare/setting.hpp"
 
 namespace viscera {
 namespace {
@@ -21,50 +20,26 @@ std::string problem_of(const ComparedRun& run) {
   return run.input("scene") + run.param("change");
 }
 
-const std::set<std::string> no_setting = {"repeat",  "change", "end",
-                                          "threads", "device", "accuracy"};
-
-// Params that say how a run was solved, those that differ from viscera-simulate's usual way last.
-Json setting_of(const ComparedRun& run) {
-  Json setting = Json::object();
-  for (const auto& [name, value] : run.manifest["params"].items()) {
-    if (!no_setting.contains(name)) setting[name] = value;
-  }
-  setting["substeps"] = run.metric("substeps").value_or(0.0);
-  return setting;
-}
-
-// In words, without what the solver does not use.
-std::string label_of(const ComparedRun& run) {
-  const std::string solver = run.param("solver"), scheme = run.param("scheme");
-  const int substeps = static_cast<int>(run.metric("substeps").value_or(0.0));
-  std::string label = solver;
-  if (solver == "fem") {
-    if (run.param("fem_order") == "2") label += ", quadratic";
-    if (run.param("fem_time") == "quasi_static") return label + ", equilibrium";
-    return label + fmt::format(", {} steps, tolerance {}", substeps, run.param("fem_tolerance"));
-  }
-  if (scheme != "gauss_seidel") label += ", " + scheme;
-  label += fmt::format(", {} substeps", substeps);
-  if (run.param("iterations") != "1") label += fmt::format(" × {}", run.param("iterations"));
-  if (run.param("precision") != "fp32") label += ", " + run.param("precision");
-  return label;
-}
-
-bool matches(const ComparedRun& run, const Json& wanted) {
-  for (const auto& [name, value] : wanted.items()) {
-    const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
-    if (run.param(name) != text) return false;
-  }
-  return true;
-}
-
 Json number(double value) {
   return std::isfinite(value) ? Json(value) : Json(nullptr);
 }
 
-// The largest rise of the total energy above what it was before, over the largest elastic energy.
+// What stores or brings in energy that metrics.csv does not hold.
+bool has_other_energy(const ComparedRun& run) {
+  for (const auto& metric : run.manifest["metrics"]) {
+    if (metric["name"] != "effects_on") continue;
+    return std::ranges::any_of(metric["value"], [](const Json& effect) {
+      return std::ranges::count(std::array{"spring", "prony", "pressure", "load", "prescribed"},
+                                effect.get<std::string>()) > 0;
+    });
+  }
+  return false;
+}
+
+// The largest rise of the total energy above what it was before, over the largest elastic energy;
+// not a number where energies are missing.
 double energy_rise(const ComparedRun& run) {
+  if (has_other_energy(run)) return NAN;
   double least = std::numeric_limits<double>::infinity(), rise = 0.0, elastic = 0.0;
   const Json &total = run.series["total_J"], &parts = run.series["elastic_J"];
   for (std::size_t f = 0; f < total.size(); ++f) {
@@ -84,8 +59,17 @@ double volume_off(const ComparedRun& run) {
   return most;
 }
 
-// Lower quartile, median and upper quartile of equal runs; the quartiles rounded outwards.
+// Lower quartile, median and upper quartile of equal runs; the quartiles rounded outwards. A single
+// run is as uncertain as its frames.
 Json times_of(const Runs& equal, const char* metric, double factor) {
+  const auto share = [run = equal.front()](const char* quartile) {
+    return run->metric(quartile).value_or(NAN) / run->metric("frame_ms_median").value_or(NAN);
+  };
+  if (equal.size() == 1) {
+    const double ms = factor * equal.front()->metric(metric).value_or(NAN);
+    const double low = share("frame_ms_q1"), high = share("frame_ms_q3");
+    return {std::isfinite(low) ? ms * low : ms, ms, std::isfinite(high) ? ms * high : ms};
+  }
   std::vector<double> ms;
   for (const auto* run : equal) ms.push_back(factor * run->metric(metric).value_or(NAN));
   std::ranges::sort(ms);
@@ -102,13 +86,14 @@ class SceneStudy {
           std::ranges::any_of(options.references, [&](const Json& r) { return matches(*run, r); });
       auto& list = is_reference ? references_[run->input("mesh")]
                                 : points_[run->input("mesh") + setting_of(*run).dump()];
-      // A reference that does not differ between rounds is one run.
-      const bool known =
-          is_reference && !list.empty() && std::ranges::any_of(list, [&](const ComparedRun* r) {
-            return setting_of(*r) == setting_of(*run);
-          });
+      // What does not differ between rounds is one run, however many cases name it; of references
+      // one a setting will do.
+      const bool known = std::ranges::any_of(list, [&](const ComparedRun* other) {
+        return setting_of(*other) == setting_of(*run) &&
+               (is_reference || other->param("repeat") == run->param("repeat"));
+      });
       if (!known) list.push_back(run);
-      if (!is_reference && list.size() == 1) order_.push_back(&list);
+      if (!is_reference && !known && list.size() == 1) order_.push_back(&list);
     }
   }
 
@@ -122,6 +107,7 @@ class SceneStudy {
               {"span", span_ == Span::end ? "end" : "history"},
               {"cost", span_ == Span::end ? "ms until it rests" : "ms a frame"},
               {"size_mm", number(size_mm_)},
+              {"body", body()},
               {"meshes", meshes()},
               {"points", Json::array()}};
     for (const auto* equal : order_) json["points"].push_back(point(*equal));
@@ -131,14 +117,24 @@ class SceneStudy {
 
  private:
   void find_finest() {
-    for (const auto& [mesh, runs] : references_) {
-      const ComparedRun* run = runs.back();
-      if (!finest_ || run->tets() > finest_->tets()) finest_ = run;
-    }
+    Runs all;
+    for (const auto& [mesh, runs] : references_) all.push_back(runs.back());
+    std::ranges::sort(all, {}, [](const ComparedRun* run) { return run->tets(); });
+    finest_ = all.back();
+    if (all.size() > 1) next_ = all[all.size() - 2];
     span_ = finest_->param("fem_time") == "quasi_static" && finest_->param("solver") == "fem"
                 ? Span::end
                 : Span::history;
     size_mm_ = largest_displacement(*finest_->trajectory);
+  }
+
+  Json body() {
+    body_agreement_ = next_ ? apart(*next_, *finest_) : NAN;
+    return {{"reference", label_of(*finest_)},
+            {"tets", finest_->tets()},
+            {"check", next_ ? Json(label_of(*next_)) : Json(nullptr)},
+            {"check_tets", next_ ? Json(next_->tets()) : Json(nullptr)},
+            {"agreement_mm", number(body_agreement_)}};
   }
 
   double apart(const ComparedRun& a, const ComparedRun& b) {
@@ -173,10 +169,12 @@ class SceneStudy {
     Json json{{"setting", setting_of(run)},
               {"label", label_of(run)},
               {"solver", run.param("solver")},
+              {"method", method_of(run)},
               {"run", run.name},
               {"mesh_sha256", mesh},
               {"tets", run.tets()},
               {"ms", times_of(equal, end ? "steps_wall" : "frame_ms_median", end ? 1e3 : 1.0)},
+              {"p99_ms", number(run.metric("frame_ms_p99").value_or(NAN))},
               {"repeats", equal.size()},
               {"cs", number(run.metric("stability_Cs_max").value_or(NAN))},
               {"energy_rise", number(energy_rise(run))},
@@ -195,6 +193,7 @@ class SceneStudy {
     json["failed"] = why_failed(equal, total.largest);
     const double doubt = same != references_.end() ? agreement_[mesh] : NAN;
     json["doubtful"] = !(solver.largest > 10.0 * doubt);
+    json["total_doubtful"] = !(total.largest > 10.0 * body_agreement_);
     json["front"] = false;
     return json;
   }
@@ -230,7 +229,8 @@ class SceneStudy {
   std::map<std::string, Runs> points_;      // by mesh and setting
   std::vector<const Runs*> order_;
   std::map<std::string, double> agreement_;
-  const ComparedRun* finest_ = nullptr;
+  const ComparedRun *finest_ = nullptr, *next_ = nullptr;
+  double body_agreement_ = 0.0;  // mm
   Span span_ = Span::history;
   double size_mm_ = 0.0;
 };

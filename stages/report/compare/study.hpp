@@ -3,7 +3,8 @@
 // total; the references' own distance is the discretisation's part).
 //
 // Runs that differ in `repeat` alone are one point: its time is their median, its interval that of
-// the quartiles. Of two points a difference in time is claimed only where these do not touch.
+// the quartiles; of a single run that of its frames' quartiles. Of two points a difference in time
+// is claimed only where these do not touch.
 #pragma once
 
 #include "stages/report/compare/runs.hpp"
@@ -18,15 +19,18 @@ struct StudyOptions {
   std::vector<double> wanted_mm;  // errors that the sentences speak of, largest first
 };
 
-// { wanted_mm, scenes: [{name, scene_sha256, change, span, size_mm, cost, meshes, points,
+// { wanted_mm, scenes: [{name, scene_sha256, change, span, size_mm, cost, body, meshes, points,
 // sentences}],
 //   effects: [{scene, label, tets, change, ms, ms_without, told_apart, mm, failed}] }
 //
-// meshes: [{sha256, tets, reference, check, agreement_mm, discretisation_mm (null: the finest)}]
-// points: [{setting, label, solver, run, mesh_sha256, tets, ms [lo, median, hi], repeats, cs,
-//           solver_mm, solver_rms_mm, total_mm, end_mm, energy_rise, volume_off, inverted, failed
-//           (why; "": it did not), doubtful (nearer to the reference than ten times its own check),
-//           front (no other point of its scene is both cheaper and nearer, in total)}]
+// body: {reference, tets, check, check_tets, agreement_mm}: the finest mesh, and the next (null:
+// none) meshes: [{sha256, tets, reference, check, agreement_mm, discretisation_mm (null: stands for
+// the body)}] points: [{setting, label, solver, method (solver and device), run, mesh_sha256, tets,
+//           ms [lo, median, hi], p99_ms (of the frames of one run), repeats, cs, solver_mm,
+//           solver_rms_mm, total_mm, end_mm, energy_rise (null: of a scene whose energies are not
+//           all known), volume_off, inverted, failed (why; "": it did not), doubtful,
+//           total_doubtful (nearer to its reference than ten times that one to its check), front
+//           (no other point of its scene is both cheaper and nearer, in total)}]
 // Errors are the largest of any vertex in any frame (span "end": in the last), null where there is
 // none. Times are ms a frame (span "end": ms until it rests).
 Json study_of(const std::vector<ComparedRun>& runs, const StudyOptions& options);

@@ -33,7 +33,8 @@
   }
   const machine = () => {
     const run = report.runs.find(r => r.cpu_model);
-    return run ? `Timed on ${run.cpu_model}, ${run.device}.` : "";
+    const devices = [...new Set(report.runs.map(r => r.device))].sort();
+    return run ? `Timed on ${run.cpu_model}: ${devices.join("; ")}.` : "";
   };
 
   function showEnsemble() {
@@ -74,15 +75,18 @@
 
   function showMethods() {
     byId("methods").hidden = !report.methods.length;
-    fillTable("cost-table", ["Method", "Tets", "Steps a frame", "Task, simulated", "Task, wall time",
-      "Frames a second", "Frame, median (quartiles)", "Cs"], report.methods.map(m => ({cells: [
-        `${m.run} (${m.solver})`, number(m.tets), number(m.substeps),
+    fillTable("cost-table", ["Method", "Device", "Tets", "Steps a frame", "Task, simulated", "Task, wall time",
+      "Frames a second", "Frame, median (quartiles)", "Set-up", "Transfer", "Diagnosis", "Writing",
+      "Cs"], report.methods.map(m => ({cells: [
+        `${m.run} (${m.solver})`, m.device, number(m.tets), number(m.substeps),
         m.rest_time === null ? `no rest until ${quantity(Number(m.end_time.toPrecision(3)), "s")}` : quantity(Number((m.rest_time - m.contact_time).toFixed(3)), "s"),
         orNone(m.task_wall, "s"), orNone(m.frames_per_second, "1"),
         `${quantity(m.frame_ms_median, "ms")} (${number(m.frame_ms_q1)} to ${number(m.frame_ms_q3)})`,
+        ...[m.setup_wall, m.transfer_wall, m.diagnosis_wall, m.writing_wall].map(s => orNone(s, "s")),
         number(m.stability_Cs_max)]})));
     byId("cost-note").textContent = "The task lasts from first contact until no vertex is faster than " +
-      "the scene's rest speed for its rest time. Wall time is that of the solver's steps in the task. " +
+      "the scene's rest speed for its rest time. Wall time is that of the solver's steps in the task, until the " +
+      "device has finished; set-up, transfer, diagnosis and writing are apart, of the whole run. " +
       machine();
     fillTable("smoothness-table", ["Method", "At", "S", "Deviation", "S at rest", "S / S at rest",
       "Inverted then", "Inverted at most"], report.methods.map(m => ({cells: [
@@ -157,6 +161,10 @@
     show(asked.has("t") && isFinite(t) ? t : report.runs.find(r => r.run === report.views[0].name).max_deformation_time || 0);
   }
 
+  const bodyWords = body => "For the body itself stands " + body.reference + " on " +
+    `${number(body.tets)} tets` + (body.check === null ? ", without a check." : `; its check, ${body.check} ` +
+    `on ${number(body.check_tets)} tets, differs by ${quantity(Number(body.agreement_mm.toPrecision(3)), "mm")}.`);
+
   function showStudy() {
     for (const scene of report.study.scenes) {
       byId("study").hidden = false;
@@ -169,21 +177,23 @@
           `failed. The body moves by up to ${quantity(Number(scene.size_mm.toPrecision(3)), "mm")}.`),
         element("details", {}, element("summary", {}, `All ${scene.points.length} points`),
           element("div", {class: "scroll"}, table)));
-      for (const [key, title] of [["solver_mm", "Solver's error on its own mesh"],
-                                  ["total_mm", "Error of mesh and solver together"]]) {
+      const errors = [["solver_mm", "Solver's error on its own mesh"]];
+      if (scene.meshes.length > 1) errors.push(["total_mm", "Error of mesh and solver together"]);
+      for (const [key, title] of errors) {
         const chart = viscera.workPrecision(box, scene, key, title);
         if (chart) charts.push(chart);
       }
       fillTable(meshes, ["Mesh, tets", "Reference", "Its check", "They differ by", "Error of the mesh"],
         scene.meshes.map(m => ({cells: [number(m.tets), m.reference, m.check || "none",
-          orNone(m.agreement_mm, "mm"), m.discretisation_mm === null ? "the finest: unknown"
+          orNone(m.agreement_mm, "mm"), m.discretisation_mm === null ? "stands for the body"
             : quantity(m.discretisation_mm, "mm")]})));
-      fillTable(table, ["Setting", "Tets", scene.cost, "Interval", "Runs", "Cs", "Solver's error",
+      meshes.after(element("p", {class: "note"}, bodyWords(scene.body)));
+      fillTable(table, ["Setting", "Tets", scene.cost, "Interval", "99th percentile", "Runs", "Cs", "Solver's error",
         "rms", "Total error", "Energy rise", "Volume off", "Inverted", "Failed"],
         scene.points.map(p => ({failed: p.failed !== "", cells: [p.label + (p.front ? " ★" : ""),
-          number(p.tets), number(p.ms[1]), `${number(p.ms[0])} to ${number(p.ms[2])}`, number(p.repeats),
+          number(p.tets), number(p.ms[1]), `${number(p.ms[0])} to ${number(p.ms[2])}`, orNone(p.p99_ms, "ms"), number(p.repeats),
           orNone(p.cs, "1"), orNone(p.solver_mm, "mm"), orNone(p.solver_rms_mm, "mm"),
-          orNone(p.total_mm, "mm"), number(p.energy_rise), number(p.volume_off), number(p.inverted),
+          orNone(p.total_mm, "mm"), orNone(p.energy_rise, "1"), number(p.volume_off), number(p.inverted),
           p.failed || "–"]})));
     }
   }

@@ -10,7 +10,8 @@ viscera.inflated = async function (base64) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 };
 
-// { triangles: Uint32Array, rest: Uint16Array, frames: [Uint16Array], ratios: [Uint8Array] };
+// { triangles: Uint32Array, rest: Uint16Array, frames: [Uint16Array], ratios: [Uint8Array],
+// stresses: [Uint8Array], none where they are not known, quality: Uint8Array };
 // coordinates lie axis after axis: x of all vertices, then y, then z.
 viscera.unpack = async function (base64, meta) {
   const bytes = await viscera.inflated(base64);
@@ -31,16 +32,21 @@ viscera.unpack = async function (base64, meta) {
     positions.push(now);
     before = now;
   }
-  const ratios = [];
-  let last = new Uint8Array(n);
-  for (let f = 0; f < frames; ++f, at += n) {
-    const now = new Uint8Array(n);
-    for (let i = 0; i < n; ++i) now[i] = last[i] + bytes[at + i];
-    ratios.push(now);
-    last = now;
+  function values(count) {
+    const list = [];
+    let last = new Uint8Array(n);
+    for (let f = 0; f < count; ++f, at += n) {
+      const now = new Uint8Array(n);
+      for (let i = 0; i < n; ++i) now[i] = last[i] + bytes[at + i];
+      list.push(now);
+      last = now;
+    }
+    return list;
   }
+  const ratios = values(frames), stresses = values(meta.stress_range_kPa === null ? 0 : frames);
+  const [quality] = values(1);
   if (at !== bytes.length) throw new Error("the geometry in this page is incomplete");
-  return {triangles, rest: positions[0], frames: positions.slice(1), ratios};
+  return {triangles, rest: positions[0], frames: positions.slice(1), ratios, stresses, quality};
 };
 
 // Which of ascending times is nearest to a time.

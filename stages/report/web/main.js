@@ -58,12 +58,15 @@
     if (mode === "label") return;
     const amount = mode !== "ratio";
     const shown = value => viscera.number(Number(value.toPrecision(3)));
-    byId("legend-title").textContent = {displacement: "Distance from the scanned place, mm",
+    const most = {stress: report.viewer.stress_range_kPa, ratio: 1, quality: 1}[mode] || viewer.range(mode);
+    byId("legend-title").textContent = {
+      stress: "Von Mises stress, kPa", quality: "Least mean ratio of the tets around a point",
+      displacement: "Distance from the scanned place, mm",
       shape: "Distance beyond rigid motion, mm", ratio: "Volume over volume at rest"}[mode];
     byId("legend-lo").textContent = amount ? "0" : "≤ " + (1 - limit).toFixed(3);
-    byId("legend-mid").textContent = amount ? shown(viewer.range(mode) / 2) : "1";
+    byId("legend-mid").textContent = amount ? shown(most / 2) : "1";
     byId("legend-hi").textContent =
-      amount ? shown(viewer.range(mode)) : "≥ " + (1 + limit).toFixed(3);
+      amount ? (mode === "stress" ? "≥ " : "") + shown(most) : "≥ " + (1 + limit).toFixed(3);
     const bar = byId("legend-bar"), context = bar.getContext("2d"), rgb = [0, 0, 0];
     for (let x = 0; x < bar.width; ++x) {
       viscera.mapped(amount ? "amount" : "deviation", x / (bar.width - 1), rgb, 0);
@@ -115,7 +118,7 @@
 
   function applyAddress() {
     const mode = asked.get("colour");
-    if (["label", "displacement", "shape", "ratio"].includes(mode)) {
+    if ([...byId("colour").options].some(option => option.value === mode)) {
       byId("colour").value = mode;
       setColour(mode);
     }
@@ -142,6 +145,7 @@
       return;
     }
     times = meta.times_s;
+    if (meta.stress_range_kPa === null) byId("colour").querySelector("[value=stress]").remove();
     const ground = ((report.scene || {}).effects || {}).ground;
     if (ground && ground.normal) viewer.addGround(ground.normal, 1000 * ground.clearance);
     viscera.labelTable("labels", report, viewer.colours, viewer.setVisible);

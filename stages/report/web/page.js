@@ -46,7 +46,17 @@ viscera.openPage = function (charts, onTheme, onFailure = () => {}) {
     byId("page-libraries").textContent =
       Object.entries(report.libraries).map(([name, version]) => name + " " + version).join(", ");
   }
+  // A factor's heading stands where something below it is shown, or it says all itself.
+  function showFactors() {
+    for (const factor of document.querySelectorAll(".factor")) {
+      const sections = [];
+      for (let next = factor.nextElementSibling; next && next.matches("section.panel");
+           next = next.nextElementSibling) sections.push(next);
+      factor.hidden = sections.length > 0 && sections.every(section => section.hidden);
+    }
+  }
   function showNavigation() {
+    showFactors();
     for (const section of document.querySelectorAll("main > section.panel")) {
       if (section.hidden) continue;
       byId("nav").append(viscera.element("a", {href: "#" + section.id}, section.dataset.short));

@@ -3,10 +3,11 @@
 "use strict";
 
 const solverColours = {xpbd: ["#c2382e", "#f0766c"], pbd: ["#b08a00", "#e6c229"],
-                       fem: ["#2a64b8", "#6fa3ec"], tled: ["#1d8a63", "#4cc79a"]};
-viscera.solverColour = function (solver) {
+                       fem: ["#2a64b8", "#6fa3ec"], tled: ["#1d8a63", "#4cc79a"],
+                       "xpbd on CUDA": ["#8a3fb5", "#c592ea"]};
+viscera.solverColour = function (method) {
   const dark = document.documentElement.dataset.theme === "dark";
-  return (solverColours[solver] || ["#6f7b88", "#95a1af"])[dark ? 1 : 0];
+  return (solverColours[method] || ["#6f7b88", "#95a1af"])[dark ? 1 : 0];
 };
 
 viscera.rgb = colour => `rgb(${colour.map(c => Math.round(255 * c)).join(",")})`;
@@ -77,19 +78,20 @@ viscera.workPrecision = function (parent, scene, key, title) {
   if (!good.length) return null;
   const canvas = frameFor(parent, title, "mm", title + " against time of work, both logarithmic");
   canvas.parentNode.classList.add("tall");
+  const doubt = key === "total_mm" ? "total_doubtful" : "doubtful";
   const top = 2 * Math.max(...good.map(p => p[key]));
-  const curves = [...new Set(good.map(p => p.solver + "|" + p.tets))].map(name => {
-    const [solver, tets] = name.split("|");
-    const curve = good.filter(p => p.solver === solver && String(p.tets) === tets);
+  const curves = [...new Set(good.map(p => p.method + "|" + p.tets))].map(name => {
+    const [method, tets] = name.split("|");
+    const curve = good.filter(p => p.method === method && String(p.tets) === tets);
     return {
-      label: `${solver}, ${viscera.number(Number(tets))} tets`, type: "scatter", showLine: false,
+      label: `${method}, ${viscera.number(Number(tets))} tets`, type: "scatter", showLine: false,
       data: curve.map(p => ({x: p.ms[1], y: p[key], p})),
       pointRadius: curve.map(p => p.front ? 6 : 4),
       pointStyle: ["circle", "rectRot", "triangle", "rect"][[...new Set(points.map(p => p.tets))]
         .sort((a, b) => a - b).indexOf(Number(tets)) % 4],
-      borderColor: () => viscera.solverColour(solver), borderWidth: 1.5,
-      backgroundColor: context => context.raw && context.raw.p.doubtful ? "transparent"
-        : viscera.solverColour(solver),
+      borderColor: () => viscera.solverColour(method), borderWidth: 1.5,
+      backgroundColor: context => context.raw && context.raw.p[doubt] ? "transparent"
+        : viscera.solverColour(method),
     };
   });
   const failed = {

@@ -125,15 +125,15 @@ viscera.createViewer = function (canvas, meta, data) {
 
   function updateColours() {
     if (state.colour === "label") return;
-    const ratios = data.ratios[state.frame];
-    const most = state.colour === "ratio" ? 1 : rangeOf(state.colour);
+    const frame = state.frame;
+    const bytes = {ratio: data.ratios[frame] || [], stress: data.stresses[frame] || [],
+                   quality: data.quality}[state.colour];
+    const map = state.colour === "ratio" ? "deviation" : "amount";
+    const most = bytes ? 1 : rangeOf(state.colour);
     for (let i = 0; i < n; ++i) {
-      if (state.colour === "ratio") {
-        viscera.mapped("deviation", ratios ? ratios[i] / 254 : 0.5, colour.array, 3 * i);
-      } else {
-        const part = distance(state.colour, state.frame, i) / most;
-        viscera.mapped("amount", part, colour.array, 3 * i);
-      }
+      const part = !bytes ? distance(state.colour, state.frame, i) / most
+        : bytes.length ? bytes[i] / 254 : map === "deviation" ? 0.5 : 0;
+      viscera.mapped(map, part, colour.array, 3 * i);
     }
     colour.needsUpdate = true;
   }

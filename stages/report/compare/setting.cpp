@@ -1,0 +1,58 @@
+#include "stages/report/compare/setting.hpp"
+
+#include <fmt/format.h>
+
+#include <set>
+
+namespace viscera {
+namespace {
+
+const std::set<std::string> no_setting = {"repeat", "change", "end", "threads", "accuracy"};
+
+// "cpu" of "cpu, 16 threads".
+std::string device_of(const ComparedRun& run) {
+  const std::string device = run.manifest.value("device", "cpu");
+  return device.substr(0, device.find(','));
+}
+
+}  // namespace
+
+Json setting_of(const ComparedRun& run) {
+  Json setting = Json::object();
+  for (const auto& [name, value] : run.manifest["params"].items()) {
+    if (!no_setting.contains(name)) setting[name] = value;
+  }
+  setting["substeps"] = run.metric("substeps").value_or(0.0);
+  setting["device"] = device_of(run);
+  return setting;
+}
+
+std::string method_of(const ComparedRun& run) {
+  return run.param("solver") + (device_of(run) == "cuda" ? " on CUDA" : "");
+}
+
+std::string label_of(const ComparedRun& run) {
+  const std::string scheme = run.param("scheme");
+  const int substeps = static_cast<int>(run.metric("substeps").value_or(0.0));
+  std::string label = method_of(run);
+  if (run.param("solver") == "fem") {
+    if (run.param("fem_order") == "2") label += ", quadratic";
+    if (run.param("fem_time") == "quasi_static") return label + ", equilibrium";
+    return label + fmt::format(", {} steps, tolerance {}", substeps, run.param("fem_tolerance"));
+  }
+  if (scheme != "gauss_seidel") label += ", " + scheme;
+  label += fmt::format(", {} substeps", substeps);
+  if (run.param("iterations") != "1") label += fmt::format(" × {}", run.param("iterations"));
+  if (run.param("precision") != "fp32") label += ", " + run.param("precision");
+  return label;
+}
+
+bool matches(const ComparedRun& run, const Json& wanted) {
+  for (const auto& [name, value] : wanted.items()) {
+    const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
+    if (run.param(name) != text) return false;
+  }
+  return true;
+}
+
+}  // namespace viscera

@@ -1,0 +1,73 @@
+#include "stages/report/stress.hpp"
+
+#include <cmath>
+
+namespace viscera {
+namespace {
+
+using sim::Mat3, sim::Vec3;
+
+constexpr double pa_per_kpa = 1000.0;
+
+Mat3<double> edges(const std::array<int, 4>& tet, const double* xyz) {
+  const auto point = [xyz](int p) {
+    return Vec3<double>{xyz[3 * p], xyz[3 * p + 1], xyz[3 * p + 2]};
+  };
+  const Vec3<double> origin = point(tet[0]);
+  return {{point(tet[1]) - origin, point(tet[2]) - origin, point(tet[3]) - origin}};
+}
+
+double von_mises(const Mat3<double>& s) {
+  const auto& [a, b, c] = s.col;
+  const double normal = std::pow(a.x - b.y, 2) + std::pow(b.y - c.z, 2) + std::pow(c.z - a.x, 2);
+  return std::sqrt(0.5 * normal + 3.0 * (a.y * a.y + b.z * b.z + c.x * c.x));
+}
+
+}  // namespace
+
+Tissue tissue_of(const Json& scene, const Json& simulate) {
+  if (!scene.is_object() || !scene.contains("materials") || !scene.contains("effects")) return {};
+  const Json& effects = scene["effects"];
+  for (const char* other : {"linear", "stvk", "corotational", "distance", "volume"}) {
+    if (effects.contains(other)) return {};
+  }
+  if (!effects.contains("neo_hookean") || scene.contains("corotational_tets")) return {};
+  if (!scene.value("schedule", Json::array()).empty()) return {};
+  if (simulate.is_object()) {
+    for (const auto& input : simulate["inputs"]) {
+      if (input["role"] == "stiffness") return {};
+    }
+  }
+  Tissue tissue;
+  for (const auto& [name, m] : scene["materials"].items()) {
+    tissue[name] = sim::lame({.youngs_modulus = m.at("E"), .poisson_ratio = m.at("nu")});
+  }
+  return tissue;
+}
+
+VonMises::VonMises(const TetMesh& mesh, const Tissue& tissue) : mesh_(mesh) {
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    tets_.push_back({sim::inverse(edges(mesh.tets[t], mesh.points[0].data())),
+                     tissue.at(mesh.label_names.at(mesh.labels[t]))});
+  }
+}
+
+std::vector<double> VonMises::operator()(const std::vector<double>& xyz) const {
+  std::vector<double> stress;
+  stress.reserve(tets_.size());
+  for (std::size_t t = 0; t < tets_.size(); ++t) {
+    const Mat3<double> f = edges(mesh_.tets[t], xyz.data()) * tets_[t].rest_inverse;
+    const Mat3<double> cof = sim::cofactor(f);
+    const double mu = tets_[t].lame.mu, lambda = tets_[t].lame.neo_hookean_lambda();
+    const double j = sim::det(f);
+    Mat3<double> p;
+    for (int k = 0; k < 3; ++k) {
+      p.col[k] = mu * (f.col[k] - cof.col[k]) + (lambda * (j - 1.0)) * cof.col[k];
+    }
+    const Mat3<double> kirchhoff = p * sim::transpose(f);
+    stress.push_back(j > 0.0 ? von_mises(kirchhoff) / (pa_per_kpa * j) : 0.0);
+  }
+  return stress;
+}
+
+}  // namespace viscera

@@ -1,0 +1,41 @@
+// Von Mises stress of Neo-Hookean tissue, from where its points are: what the viewer colours by.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "pipeline/contract/param.hpp"
+#include "sim/material.hpp"
+#include "sim/math.hpp"
+#include "stages/common/tet_mesh.hpp"
+
+namespace viscera {
+
+using Tissue = std::map<std::string, sim::Lame>;  // by label name
+
+// Of a scene (scene.json). Empty where stresses cannot be told from it: another law than
+// Neo-Hookean (or others beside it on some tets), E measured tet by tet, materials that change on
+// the way. `simulate`: the manifest of the run, null without one.
+Tissue tissue_of(const Json& scene, const Json& simulate);
+
+class VonMises {
+ public:
+  // Throws std::out_of_range for a label without tissue.
+  VonMises(const TetMesh& mesh, const Tissue& tissue);
+
+  // Of Cauchy's stress in every tet, kPa; `xyz` mm, three a point. With P of
+  // effects/neo_hookean.hpp, sigma = P F^T / J. Fibres, viscosity and Prony branches are not in it.
+  // 0 for a tet inside out.
+  std::vector<double> operator()(const std::vector<double>& xyz) const;
+
+ private:
+  struct Tet {
+    sim::Mat3<double> rest_inverse;  // 1/mm
+    sim::Lame lame;                  // Pa
+  };
+  const TetMesh& mesh_;
+  std::vector<Tet> tets_;
+};
+
+}  // namespace viscera
