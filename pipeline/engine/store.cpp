@@ -214,8 +214,9 @@ void Store::place(const FileDigest& output, const fs::path& target) {
   fs::rename(partial, target);
 }
 
-FileLock Store::lock(const std::string& key, const std::string& purpose) const {
-  return FileLock(folder_ / "locks" / key, purpose);
+std::unique_ptr<FileLock> Store::lock(const std::string& key, const std::string& purpose,
+                                      std::string& held_by) const {
+  return FileLock::attempt(folder_ / "locks" / key, purpose, held_by);
 }
 
 fs::path Store::fresh_work_folder(const std::string& key) const {

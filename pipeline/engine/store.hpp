@@ -66,7 +66,9 @@ class Store {
   // One output of the entry as `target`.
   void place(const FileDigest& output, const std::filesystem::path& target);
 
-  FileLock lock(const std::string& key, const std::string& purpose) const;
+  // Null while another process computes that key, which `held_by` then names.
+  std::unique_ptr<FileLock> lock(const std::string& key, const std::string& purpose,
+                                 std::string& held_by) const;
   std::filesystem::path fresh_work_folder(const std::string& key) const;  // hold the key's lock
 
   // The entry as it stands, whether or not its objects are there.

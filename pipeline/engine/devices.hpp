@@ -1,0 +1,32 @@
+// What stages that run side by side share: GPUs, one stage each, and the processor's threads.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace viscera {
+
+class Devices {
+ public:
+  // `gpus`: so many at most; else those of the machine. Where there is none, stages that may use
+  // one are as free as all others: they fall back to the processor, or say that they cannot.
+  explicit Devices(std::optional<std::size_t> gpus);
+
+  bool one_is_free() const;
+  std::size_t take();  // when one is free
+  void give_back(std::size_t gpu);
+
+  // For a stage on this GPU: CUDA_VISIBLE_DEVICES, where there is a choice.
+  std::vector<std::string> environment(std::optional<std::size_t> gpu) const;
+
+  // Threads of each of `jobs` stages.
+  static unsigned threads_each(std::size_t jobs);
+
+ private:
+  std::vector<std::string> names_;  // as CUDA_VISIBLE_DEVICES has them
+  std::vector<bool> busy_;
+  bool unlimited_ = false;
+};
+
+}  // namespace viscera
