@@ -51,7 +51,8 @@ std::vector<std::string> Devices::environment(std::optional<std::size_t> gpu) co
   return {"CUDA_VISIBLE_DEVICES=" + names_[*gpu % names_.size()]};
 }
 
-unsigned Devices::threads_each(std::size_t jobs) {
+unsigned Devices::threads_each(std::size_t jobs, unsigned asked) {
+  if (asked > 0 || jobs == 1) return asked;
   return std::max(1u, std::thread::hardware_concurrency() / static_cast<unsigned>(jobs));
 }
 

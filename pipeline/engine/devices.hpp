@@ -20,8 +20,8 @@ class Devices {
   // For a stage on this GPU: CUDA_VISIBLE_DEVICES, where there is a choice.
   std::vector<std::string> environment(std::optional<std::size_t> gpu) const;
 
-  // Threads of each of `jobs` stages.
-  static unsigned threads_each(std::size_t jobs);
+  // Threads of each of `jobs` stages at once: so many as asked for, else their share; 0: all.
+  static unsigned threads_each(std::size_t jobs, unsigned asked);
 
  private:
   std::vector<std::string> names_;  // as CUDA_VISIBLE_DEVICES has them

@@ -4,6 +4,7 @@
 #include "pipeline/engine/runner.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <iostream>
@@ -47,6 +48,7 @@ class Runner {
         entries_(plan_.size()),
         failures_(plan_.size()),
         settled_(plan_.size(), false),
+        working_(plan_.size(), false),
         told_(plan_.size(), false),
         wanted_(wanted_by(options, plan_)),
         forced_(forced_by(options, plan_)) {
@@ -94,9 +96,9 @@ class Runner {
     waiting_ = 0;
     for (std::size_t i = first_; i < plan_.size(); ++i) {
       if (jobs_.size() + waiting_ >= options_.jobs) break;
-      const bool ready = !settled_[i] && std::ranges::all_of(awaited_[i], [this](std::size_t k) {
-        return settled_[k];
-      });
+      const bool ready =
+          !settled_[i] && !working_[i] &&
+          std::ranges::all_of(awaited_[i], [this](std::size_t k) { return settled_[k]; });
       if (ready) guarded(i, [&] { begin(i); });
     }
     while (first_ < plan_.size() && settled_[first_]) ++first_;
@@ -146,10 +148,11 @@ class Runner {
     job->key = *keys_[i];
     job->earlier = std::move(earlier);
     if (plan_[i].may_use_gpu()) job->gpu = devices_.take();
-    const auto threads = options_.jobs > 1 ? devices_.threads_each(options_.jobs) : 0;
+    const unsigned threads = devices_.threads_each(options_.jobs, options_.threads);
     job->start(stage_arguments(plan_, i, entries_, out_, job->work(), threads),
-               devices_.environment(job->gpu), [this] { return outlook(); });
+               devices_.environment(job->gpu), [this] { return terminal_ ? outlook() : ""; });
     event("started", i);
+    working_[i] = true;
     jobs_.push_back(std::move(job));
   }
 
@@ -282,10 +285,8 @@ class Runner {
     worst_ = std::max(worst_, manifest.exit);
     event(ran ? "ran" : "cached", i, manifest.exit, manifest.message);
     settle(i);
-    if (ran && !options_.json_events) {
-      log::info("{}: ended after {}{}", plan_[i].label(), duration_text(manifest.wall_s),
-                plan_.size() > settled_count_ ? "; " + outlook() : "");
-    }
+    const bool many = !plan_.front().case_name.empty();
+    if (ran && many && !terminal_) log::info("{}: ended; {}", plan_[i].label(), outlook());
   }
 
   void fail(std::size_t i, const Error& error) {
@@ -305,6 +306,7 @@ class Runner {
   void settle(std::size_t i) {
     if (settled_[i]) return;
     settled_[i] = true;
+    working_[i] = false;
     ++settled_count_;
     keys_.erase(i);
     folders_.leave(i);
@@ -329,6 +331,7 @@ class Runner {
                 {"stages", plan_.size()}});
   }
 
+  const bool terminal_ = isatty(STDERR_FILENO);  // elsewhere no bar says how far the run is
   const RunOptions& options_;
   const Spec& spec_;
   fs::path out_;
@@ -339,6 +342,7 @@ class Runner {
   Entries entries_;  // of the stages finished so far
   Failures failures_;
   std::vector<bool> settled_;  // will not change any more: finished, failed, skipped or not wanted
+  std::vector<bool> working_;  // has a job
   std::vector<bool> told_;     // that it waits
   std::vector<bool> wanted_, forced_;
   std::vector<std::vector<std::size_t>> awaited_;

@@ -30,6 +30,7 @@ struct RunOptions {
   bool quiet = false;               // warnings and errors only
   bool json_events = false;         // what happens as JSON lines on stderr
   std::size_t jobs = 1;             // stages at once; they share the processor's threads
+  unsigned threads = 0;             // of each stage; 0: their share
   std::optional<std::size_t> gpus;  // stages at once that may use a GPU; as many as there are
   std::optional<double> timeout_s;  // for each stage
 };
