@@ -1,12 +1,14 @@
 // viscera: runs a spec's stages, each a program of its own, and keeps their results.
 #include <CLI/CLI.hpp>
-#include <cstdlib>
+#include <iostream>
 #include <new>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
+#include "pipeline/engine/catalog.hpp"
 #include "pipeline/engine/inspect.hpp"
 #include "pipeline/engine/upkeep.hpp"
+#include "pipeline/schema/spec_schema.hpp"
 
 namespace {
 
@@ -89,6 +91,14 @@ void declare_inspection(CLI::App& app, Inspecting& inspecting) {
   format(inspecting.graph, "json", "for programs: every job with its manifest and needs");
 }
 
+void print_schema(const Places& places) {
+  Store store(places.cache, true);
+  Catalog catalog(places.programs, store);
+  std::vector<StageInfo> stages;
+  for (const auto& name : catalog.names()) stages.push_back(catalog.find(name, "schema").info);
+  std::cout << spec_schema(stages).dump(1) << std::endl;
+}
+
 // A cohort is looked at as a whole, whatever single cases lack.
 void inspect(Inspecting& inspecting) {
   InspectOptions& options = inspecting.options;
@@ -129,6 +139,7 @@ int main(int argc, char** argv) {
   const auto* gc = declare_gc(app, gc_options, places);
   auto* verify = app.add_subcommand("verify", "reads all results; removes what is damaged");
   add_folders(*verify, places.out, places.cache);
+  const auto* schema = app.add_subcommand("schema", "prints the JSON schema of specs, for editors");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -143,6 +154,10 @@ int main(int argc, char** argv) {
     if (*gc) {
       gc_options.cache = places.cache;
       collect_garbage(gc_options);
+      return 0;
+    }
+    if (*schema) {
+      print_schema(places);
       return 0;
     }
     if (*verify) return static_cast<int>(verify_store(places.cache));
