@@ -16,8 +16,7 @@ auto value_or_null(const Map& map, const std::string& key) {
 
 RunRecord::RunRecord(std::filesystem::path file) : file_(std::move(file)) {
   if (!std::filesystem::is_regular_file(file_)) return;
-  saved_ = read_file(file_);
-  const Json json = Json::parse(saved_, nullptr, false);
+  const Json json = Json::parse(read_file(file_), nullptr, false);
   try {
     for (const auto& [stage, record] : json.at("stages").items()) {
       finished_[stage] = {record.at("key"), record.at("transcript"), record.value("wall_s", 0.0)};
@@ -42,12 +41,16 @@ const RunRecord::Failure* RunRecord::failure(const std::string& stage) const {
 }
 
 void RunRecord::set(const std::string& stage, Finished finished) {
-  finished_[stage] = std::move(finished);
-  failures_.erase(stage);
+  Finished& known = finished_[stage];
+  const bool same = known == finished;
+  if (failures_.erase(stage) == 0 && same) return;
+  known = std::move(finished);
+  changed_ = true;
 }
 
 void RunRecord::set_failure(const std::string& stage, Failure failure) {
   failures_[stage] = std::move(failure);
+  changed_ = true;
 }
 
 std::string RunRecord::text() const {
@@ -63,9 +66,9 @@ std::string RunRecord::text() const {
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-void RunRecord::save() const {
-  const std::string now = text();
-  if (now != saved_) write_atomically(file_, now);
+void RunRecord::save() {
+  if (changed_) write_atomically(file_, text());
+  changed_ = false;
 }
 
 }  // namespace viscera

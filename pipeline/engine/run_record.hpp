@@ -18,6 +18,7 @@ class RunRecord {
   struct Finished {
     std::string key, transcript;
     double wall_s = 0.0;  // of the run that made the result
+    bool operator==(const Finished&) const = default;
   };
   struct Failure {
     ExitCode exit = ExitCode::internal;
@@ -28,7 +29,7 @@ class RunRecord {
   const Failure* failure(const std::string& stage) const;    // null: its last run did not fail
   void set(const std::string& stage, Finished finished);     // forgets its failure
   void set_failure(const std::string& stage, Failure failure);
-  void save() const;  // leaves a file alone that says the same
+  void save();  // leaves a file alone that says the same
 
  private:
   std::string text() const;
@@ -36,7 +37,7 @@ class RunRecord {
   std::filesystem::path file_;
   std::map<std::string, Finished> finished_;
   std::map<std::string, Failure> failures_;
-  std::string saved_;
+  bool changed_ = false;
 };
 
 inline constexpr const char* run_record_name = "run.json";

@@ -64,7 +64,7 @@ void check_inputs(const Manifest& manifest, const std::multimap<std::string, std
 }  // namespace
 
 Store::Store(fs::path folder, bool read_only)
-    : folder_(std::move(folder)), read_only_(read_only), digests_(folder_ / "digests.json") {
+    : folder_(std::move(folder)), read_only_(read_only), digests_(folder_ / "digests.txt") {
   if (read_only_) return;
   for (const char* part : {"objects", "entries", "locks", "work", "live", "describe"}) {
     make_folder(folder_ / part);

@@ -7,7 +7,7 @@
 //   work/<key>/           where the stage of that key writes; swept when nobody holds its lock
 //   live/<process>-<n>    held by a run while it lives: what it took or made, which gc leaves alone
 //   use.lock              shared by runs while they take or make a result, held alone by gc
-//   digests.json, describe/*.json   remembered file digests and stage declarations
+//   digests.txt, describe/*.json   remembered file digests and stage declarations
 //
 // Every file appears by a rename within its folder. Nothing is served that was not verified: sizes
 // always, content whenever a file's stat differs from the remembered one.

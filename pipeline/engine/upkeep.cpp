@@ -235,7 +235,7 @@ ExitCode verify_store(const fs::path& cache) {
                                : fmt::format("{} damaged, {} incomplete", damaged, incomplete))
             << std::endl;
   if (damaged + incomplete == 0) return ExitCode::ok;
-  fs::remove(cache / "digests.json");  // what is remembered of files that are links to them
+  fs::remove(cache / "digests.txt");  // what is remembered of files that are links to them
   return ExitCode::bad_input;
 }
 
