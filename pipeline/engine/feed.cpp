@@ -48,11 +48,17 @@ std::string missing_producers(const Plan& plan, std::size_t i, const Entries& en
 }
 
 std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const Entries& entries,
-                                         const fs::path& out, const fs::path& work,
+                                         const fs::path& out, const WorkFolders& folders,
                                          unsigned threads) {
   const PlannedStage& stage = plan[i];
-  std::vector<std::string> all = {
-      stage.program.executable.string(), "run", "--log", "json", "--out", work.string()};
+  std::vector<std::string> all = {stage.program.executable.string(),
+                                  "run",
+                                  "--log",
+                                  "json",
+                                  "--out",
+                                  folders.work.string(),
+                                  "--scratch",
+                                  folders.scratch.string()};
   const auto add = [&all](const char* option, const std::string& name, const std::string& value) {
     all.push_back(option);
     all.push_back(name + "=" + value);

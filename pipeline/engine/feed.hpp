@@ -30,10 +30,10 @@ std::string missing_producers(const Plan& plan, std::size_t i, const Entries& en
 // Below the run's folder, what the engine says to stages with runs_role.
 inline constexpr const char* engine_file = "runs.json";
 
-// The command line of stage `i`, which writes to `work` and reads what earlier stages laid out
+// The command line of stage `i`, which reads what earlier stages laid out
 // below `out`. `threads`: of each stage that takes all when it is not told; 0: all.
 std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const Entries& entries,
                                          const std::filesystem::path& out,
-                                         const std::filesystem::path& work, unsigned threads);
+                                         const WorkFolders& folders, unsigned threads);
 
 }  // namespace viscera

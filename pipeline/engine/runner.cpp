@@ -143,13 +143,13 @@ class Runner {
   }
 
   void start(std::size_t i, std::unique_ptr<FileLock> lock, std::optional<Entry> earlier) {
-    auto job = std::make_unique<StageJob>(i, plan_[i].label(), std::move(lock),
-                                          store_.fresh_work_folder(keys_[i]->transcript.key()));
+    const WorkFolders folders = store_.work_folders(keys_[i]->transcript.key());
+    auto job = std::make_unique<StageJob>(i, plan_[i].label(), std::move(lock), folders.work);
     job->key = *keys_[i];
     job->earlier = std::move(earlier);
     if (plan_[i].may_use_gpu()) job->gpu = devices_.take();
     const unsigned threads = devices_.threads_each(options_.jobs, options_.threads);
-    job->start(stage_arguments(plan_, i, entries_, out_, job->work(), threads),
+    job->start(stage_arguments(plan_, i, entries_, out_, folders, threads),
                devices_.environment(job->gpu), [this] { return terminal_ ? outlook() : ""; });
     event("started", i);
     working_[i] = true;

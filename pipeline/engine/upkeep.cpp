@@ -148,7 +148,7 @@ class Collector {
         if (entry.is_regular_file() && half_written(entry.path())) remove(entry.path());
       }
     }
-    for (const char* folder : {"locks", "work"}) {
+    for (const char* folder : {"locks", "work", "scratch"}) {
       for (const auto& entry : fs::directory_iterator(options_.cache / folder))
         remove(entry.path());
     }

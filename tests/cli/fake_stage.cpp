@@ -143,6 +143,14 @@ void meet() {
   throw Error(ExitCode::internal, {.found = "nobody else was at work"});
 }
 
+// Leaves the first half of its work for an equal run, and fails; with it, goes on.
+void work_by_halves(const std::filesystem::path& scratch) {
+  if (std::filesystem::exists(scratch / "half")) return log::info("goes on from its half");
+  std::filesystem::create_directories(scratch);
+  std::ofstream(scratch / "half") << "half\n";
+  throw Error(ExitCode::try_again, {.found = "half done"});
+}
+
 void misbehave(const StageInfo& info, const std::string& how, const StageRun& run) {
   if (how.starts_with("lie_")) lie(info, run, how);
   if (how == "orphan") leave_behind();
@@ -151,6 +159,7 @@ void misbehave(const StageInfo& info, const std::string& how, const StageRun& ru
     std::cout << std::string(20'000'000, 'x');
   }
   if (how == "tamper") std::ofstream("out/spec/alpha/alpha.txt", std::ios::app) << "tampered\n";
+  if (how == "half") work_by_halves(run.scratch());
   if (how == "gpu_log")
     std::ofstream("gpu.log", std::ios::app) << environment("CUDA_VISIBLE_DEVICES") << "\n";
   if (how == "fail_first" && run.param<std::string>("text") == "a")
