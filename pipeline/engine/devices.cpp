@@ -27,28 +27,22 @@ std::vector<std::string> device_names() {
 
 }  // namespace
 
-Devices::Devices(std::optional<std::size_t> gpus) : names_(device_names()) {
-  unlimited_ = !gpus && names_.empty();
-  busy_.assign(gpus.value_or(names_.size()), false);
+Devices::Devices(std::optional<std::size_t> gpus)
+    : names_(device_names()),
+      count_(gpus.value_or(names_.size())),
+      unlimited_(!gpus && names_.empty()) {}
+
+std::optional<std::size_t> Devices::free_one(const std::vector<std::size_t>& busy) const {
+  if (unlimited_) return 0;
+  for (std::size_t gpu = 0; gpu < count_; ++gpu) {
+    if (!std::ranges::count(busy, gpu)) return gpu;
+  }
+  return std::nullopt;
 }
 
-bool Devices::one_is_free() const {
-  return unlimited_ || std::ranges::count(busy_, false) > 0;
-}
-
-std::size_t Devices::take() {
-  const auto free = static_cast<std::size_t>(std::ranges::find(busy_, false) - busy_.begin());
-  if (free < busy_.size()) busy_[free] = true;
-  return free;
-}
-
-void Devices::give_back(std::size_t gpu) {
-  if (gpu < busy_.size()) busy_[gpu] = false;
-}
-
-std::vector<std::string> Devices::environment(std::optional<std::size_t> gpu) const {
-  if (!gpu || names_.size() < 2) return {};
-  return {"CUDA_VISIBLE_DEVICES=" + names_[*gpu % names_.size()]};
+std::vector<std::string> Devices::environment(std::size_t gpu) const {
+  if (names_.size() < 2) return {};
+  return {"CUDA_VISIBLE_DEVICES=" + names_[gpu % names_.size()]};
 }
 
 unsigned Devices::threads_each(std::size_t jobs, unsigned asked) {

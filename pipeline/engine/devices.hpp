@@ -13,19 +13,18 @@ class Devices {
   // one are as free as all others: they fall back to the processor, or say that they cannot.
   explicit Devices(std::optional<std::size_t> gpus);
 
-  bool one_is_free() const;
-  std::size_t take();  // when one is free
-  void give_back(std::size_t gpu);
+  // One that is not among the busy; none when all are.
+  std::optional<std::size_t> free_one(const std::vector<std::size_t>& busy) const;
 
   // For a stage on this GPU: CUDA_VISIBLE_DEVICES, where there is a choice.
-  std::vector<std::string> environment(std::optional<std::size_t> gpu) const;
+  std::vector<std::string> environment(std::size_t gpu) const;
 
   // Threads of each of `jobs` stages at once: so many as asked for, else their share; 0: all.
   static unsigned threads_each(std::size_t jobs, unsigned asked);
 
  private:
   std::vector<std::string> names_;  // as CUDA_VISIBLE_DEVICES has them
-  std::vector<bool> busy_;
+  std::size_t count_ = 0;
   bool unlimited_ = false;
 };
 

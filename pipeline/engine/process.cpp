@@ -183,10 +183,7 @@ void Process::hear(bool silent) {
   drain(output_, false);
   drain(errors_, true);
   if ((output_ >= 0 || errors_ >= 0) && !gone) return;
-  for (int turn = 0; turn < 50 && !reaped(); ++turn) {
-    std::this_thread::sleep_for(std::chrono::microseconds(200));  // its pipes close first
-  }
-  if (!reaped()) return;  // goes on without them
+  if (!reaped()) return;  // its pipes close just before it ends, or it goes on without them
   flush_line();
   if (WIFSIGNALED(status_)) end_.signal = WTERMSIG(status_);
   if (WIFEXITED(status_)) end_.exit_code = WEXITSTATUS(status_);
@@ -196,6 +193,8 @@ void Process::hear(bool silent) {
 void listen_to(const std::vector<Process*>& processes, std::chrono::milliseconds at_most) {
   std::vector<pollfd> pipes;
   for (const Process* process : processes) {
+    const bool ending = process->output_ < 0 && process->errors_ < 0;
+    if (ending) at_most = std::min(at_most, std::chrono::milliseconds(1));
     pipes.push_back({process->output_, POLLIN, 0});
     pipes.push_back({process->errors_, POLLIN, 0});
   }

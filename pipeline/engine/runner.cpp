@@ -120,8 +120,7 @@ class Runner {
     if (!wanted_[i]) return pass_over(i);
     if (failure_ && !options_.spec.keep_going) return settle(i);
     if (lacks_input(plan_[i], entries_)) return skip(i);
-    const bool gpu = plan_[i].may_use_gpu();
-    if (gpu && !devices_.one_is_free()) return;
+    if (plan_[i].may_use_gpu() && !free_gpu()) return;
     if (!enter(i)) return;
     const StageKey& key = key_of_stage(i);
     const std::string name = key.transcript.key();
@@ -147,13 +146,22 @@ class Runner {
     auto job = std::make_unique<StageJob>(i, plan_[i].label(), std::move(lock), folders.work);
     job->key = *keys_[i];
     job->earlier = std::move(earlier);
-    if (plan_[i].may_use_gpu()) job->gpu = devices_.take();
+    if (plan_[i].may_use_gpu()) job->gpu = free_gpu();
     const unsigned threads = devices_.threads_each(options_.jobs, options_.threads);
     job->start(stage_arguments(plan_, i, entries_, out_, folders, threads),
-               devices_.environment(job->gpu), [this] { return terminal_ ? outlook() : ""; });
+               job->gpu ? devices_.environment(*job->gpu) : std::vector<std::string>{},
+               [this] { return terminal_ ? outlook() : ""; });
     event("started", i);
     working_[i] = true;
     jobs_.push_back(std::move(job));
+  }
+
+  std::optional<std::size_t> free_gpu() const {
+    std::vector<std::size_t> busy;
+    for (const auto& job : jobs_) {
+      if (job->gpu) busy.push_back(*job->gpu);
+    }
+    return devices_.free_one(busy);
   }
 
   void listen() {
@@ -172,7 +180,6 @@ class Runner {
       }
       const std::unique_ptr<StageJob> job = std::move(jobs_[j]);
       jobs_.erase(jobs_.begin() + static_cast<std::ptrdiff_t>(j));
-      if (job->gpu) devices_.give_back(*job->gpu);
       log::clear_progress();
       guarded(job->stage(), [&] { end(*job); });
     }
