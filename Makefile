@@ -6,7 +6,7 @@ BIN := build/bin
 OUT := out/stages
 SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -name '*.cu' -o -name '*.cuh')
 
-.PHONY: help packages build run paper study study-full test check-format format clean \
+.PHONY: help packages build run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
         bench-solver bench-mesh bench-gpu bench-surface bench-pipeline fuzz
 
@@ -36,6 +36,12 @@ study: build ## what accuracy costs in time, to out/study/compare.html: a quarte
 
 study-full: build ## the same in full, to out/study_full/compare.html: many hours
 	@$(BIN)/viscera run configs/study_full.yaml $(SHOWN)
+
+COHORT ?= configs/cohort.yaml
+COHORT_PROFILE ?= pipeline/cohort/local
+cohort: build ## the cases of COHORT through Snakemake, here or by COHORT_PROFILE=pipeline/cohort/slurm
+	@snakemake --snakefile pipeline/cohort/Snakefile --profile $(COHORT_PROFILE) \
+	  --config spec=$(COHORT) $(COHORT_CONFIG)
 
 test: build ## every test; those that need what is absent say that they were skipped
 	@ctest --test-dir build --output-on-failure -j $(JOBS)

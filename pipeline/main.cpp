@@ -1,12 +1,14 @@
 // viscera: runs a spec's stages, each a program of its own, and keeps their results.
 #include <CLI/CLI.hpp>
-#include <cstdlib>
+#include <iostream>
 #include <new>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
-#include "pipeline/engine/runner.hpp"
+#include "pipeline/engine/catalog.hpp"
+#include "pipeline/engine/inspect.hpp"
 #include "pipeline/engine/upkeep.hpp"
+#include "pipeline/schema/spec_schema.hpp"
 
 namespace {
 
@@ -19,30 +21,102 @@ void add_folders(CLI::App& command, fs::path& out, fs::path& cache) {
       ->envname("VISCERA_CACHE");
 }
 
-void declare_run(CLI::App& app, RunOptions& options) {
-  auto* run = app.add_subcommand("run", "runs a spec; what is in the cache is not computed again");
-  run->add_option("spec", options.spec, "the spec, a YAML file")->required();
-  run->add_option("--set", options.sets, "VARIABLE=VALUE or STAGE.PARAM=VALUE, repeatable")
+void add_spec(CLI::App& command, SpecRequest& spec, Places& places, const char* what) {
+  command.add_option("spec", spec.path, what)->required();
+  command.add_option("--set", spec.sets, "VARIABLE=VALUE or STAGE.PARAM=VALUE, repeatable")
       ->allow_extra_args(false);
-  run->add_option("--until", options.until, "only this stage and those that it needs");
-  run->add_option("--from", options.from, "run this stage and those that need it even when cached");
-  run->add_option("--case", options.only_cases,
-                  "only this case, repeatable; what gathers all cases does not run then")
+  command
+      .add_option("--case", spec.only_cases,
+                  "only this case, repeatable; what gathers all cases is left out then")
       ->allow_extra_args(false);
-  run->add_flag("--dry-run", options.dry_run, "say what would run and why; write nothing");
-  add_folders(*run, options.out, options.cache);
-  run->add_flag("--quiet", options.quiet, "warnings and errors only");
+  add_folders(command, places.out, places.cache);
 }
 
-CLI::App* declare_gc(CLI::App& app, GcOptions& options, fs::path& out) {
+CLI::AsNumberWithUnit as_seconds() {
+  return CLI::AsNumberWithUnit(
+      std::map<std::string, double>{{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}});
+}
+
+CLI::App* declare_run(CLI::App& app, RunOptions& options) {
+  auto* run = app.add_subcommand("run", "runs a spec; what is in the cache is not computed again");
+  add_spec(*run, options.spec, options.places, "the spec, a YAML file");
+  auto* until = run->add_option("--until", options.until, "only this stage and those it needs");
+  auto* from = run->add_option("--from", options.from,
+                               "run this stage and those that need it even when cached");
+  run->add_option("--only", options.only, "this stage alone, on what lies in the run's folder")
+      ->excludes(until)
+      ->excludes(from);
+  run->add_flag("--keep-going", options.spec.keep_going,
+                "go on with all that does not need what failed");
+  run->add_option("--jobs", options.jobs, "stages at once")->check(CLI::Range(1, 1024));
+  run->add_option("--threads", options.threads, "of each stage [its share of all]")
+      ->check(CLI::Range(0, 1024));
+  run->add_option("--gpus", options.gpus, "stages at once that may use a GPU [one for each GPU]")
+      ->check(CLI::Range(1, 1024));
+  run->add_option("--timeout", options.timeout_s, "for each stage: 90s, 30min, 2h")
+      ->transform(as_seconds());
+  run->add_flag("--dry-run", options.dry_run, "say what would run and why; write nothing");
+  run->add_flag("--quiet", options.quiet, "warnings and errors only");
+  run->add_option_function<std::string>(
+         "--progress", [&options](const std::string& way) { options.json_events = way == "jsonl"; },
+         "auto, or jsonl: what happens as JSON lines on stderr")
+      ->check(CLI::IsMember({"auto", "jsonl"}));
+  return run;
+}
+
+struct Inspecting {
+  CLI::App *why, *status, *graph;
+  InspectOptions options;
+};
+
+void declare_inspection(CLI::App& app, Inspecting& inspecting) {
+  InspectOptions& options = inspecting.options;
+  const auto declare = [&](const char* name, const char* doc, const char* what) {
+    auto* command = app.add_subcommand(name, doc);
+    add_spec(*command, options.spec, options.places, what);
+    return command;
+  };
+  const auto format = [&options](CLI::App* command, const char* flag, const char* doc) {
+    command->add_flag_callback(
+        std::string("--") + flag, [&options, flag] { options.format = flag; }, doc);
+  };
+  inspecting.why = declare("why", "says why stages would run, or where a file comes from",
+                           "a spec, or a file that a run has made");
+  inspecting.why->add_option("stage", options.stage, "of the spec; all when left out");
+  inspecting.status = declare("status", "what is done, to do or failed", "the spec");
+  format(inspecting.status, "json", "every case with its stages, gates and metrics");
+  inspecting.graph = declare("graph", "the stages and what feeds them", "the spec");
+  format(inspecting.graph, "mermaid", "as a Mermaid flowchart (default)");
+  format(inspecting.graph, "dot", "for Graphviz");
+  format(inspecting.graph, "json", "for programs: every job with its manifest and needs");
+}
+
+void print_schema(const Places& places) {
+  Store store(places.cache, true);
+  Catalog catalog(places.programs, store);
+  std::vector<StageInfo> stages;
+  for (const auto& name : catalog.names()) stages.push_back(catalog.find(name, "schema").info);
+  std::cout << spec_schema(stages).dump(1) << std::endl;
+}
+
+// A cohort is looked at as a whole, whatever single cases lack.
+void inspect(Inspecting& inspecting) {
+  InspectOptions& options = inspecting.options;
+  const std::string kind = options.spec.path.extension();
+  if (*inspecting.why && kind != ".yaml" && kind != ".yml") return print_origin(options.spec.path);
+  options.spec.keep_going = true;
+  if (*inspecting.why) return print_why(options);
+  return *inspecting.status ? print_status(options) : print_graph(options);
+}
+
+CLI::App* declare_gc(CLI::App& app, GcOptions& options, Places& places) {
   auto* gc = app.add_subcommand("gc", "removes results that were not used for long");
   gc->add_option("--max-size", options.max_size, "what may stay: 20GB, 500MB")
       ->transform(CLI::AsSizeValue(true));
   gc->add_option("--max-age", options.max_age_s, "since a result was last used: 30d, 12h")
-      ->transform(CLI::AsNumberWithUnit(
-          std::map<std::string, double>{{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}}));
+      ->transform(as_seconds());
   gc->add_flag("--dry-run", options.dry_run, "say what would be removed; remove nothing");
-  add_folders(*gc, out, options.cache);
+  add_folders(*gc, places.out, places.cache);
   return gc;
 }
 
@@ -58,10 +132,14 @@ int main(int argc, char** argv) {
   CLI::App app("From a segmented CT to a soft-tissue simulation.", "viscera");
   app.require_subcommand(1);
   declare_run(app, options);
+  Inspecting inspecting;
+  declare_inspection(app, inspecting);
+  Places places;
   GcOptions gc_options;
-  const auto* gc = declare_gc(app, gc_options, options.out);
+  const auto* gc = declare_gc(app, gc_options, places);
   auto* verify = app.add_subcommand("verify", "reads all results; removes what is damaged");
-  add_folders(*verify, options.out, options.cache);
+  add_folders(*verify, places.out, places.cache);
+  const auto* schema = app.add_subcommand("schema", "prints the JSON schema of specs, for editors");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -69,14 +147,24 @@ int main(int argc, char** argv) {
   }
   try {
     log::catch_interrupts();
-    if (options.cache.empty()) options.cache = options.out / ".cache";
+    for (Places* each : {&options.places, &inspecting.options.places, &places}) {
+      if (each->cache.empty()) each->cache = each->out / ".cache";
+      each->programs = fs::read_symlink("/proc/self/exe").parent_path();
+    }
     if (*gc) {
-      if (gc_options.cache.empty()) gc_options.cache = options.cache;
+      gc_options.cache = places.cache;
       collect_garbage(gc_options);
       return 0;
     }
-    if (*verify) return static_cast<int>(verify_store(options.cache));
-    options.programs = fs::read_symlink("/proc/self/exe").parent_path();
+    if (*schema) {
+      print_schema(places);
+      return 0;
+    }
+    if (*verify) return static_cast<int>(verify_store(places.cache));
+    if (*inspecting.why || *inspecting.status || *inspecting.graph) {
+      inspect(inspecting);
+      return 0;
+    }
     return static_cast<int>(run_spec(options));
   } catch (const Error& e) {
     return fail(e.code(), e.what());

@@ -28,8 +28,12 @@ class Sha256 {
     std::array<unsigned char, EVP_MAX_MD_SIZE> raw{};
     unsigned int size = 0;
     EVP_DigestFinal_ex(context_.get(), raw.data(), &size);
+    constexpr char digits[] = "0123456789abcdef";
     std::string text;
-    for (unsigned int i = 0; i < size; ++i) text += fmt::format("{:02x}", raw[i]);
+    for (unsigned int i = 0; i < size; ++i) {
+      text += digits[raw[i] >> 4];
+      text += digits[raw[i] & 15];
+    }
     return text;
   }
 

@@ -7,6 +7,7 @@
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/yaml_file.hpp"
+#include "pipeline/engine/case_table.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
@@ -49,16 +50,45 @@ class CaseReader {
     return one;
   }
 
+  void check_name(const std::string& name, const std::string& where) const {
+    if (!name.empty() && name == folder_name(name)) return;
+    throw Error(ExitCode::bad_config,
+                {.where = where,
+                 .field = "cases",
+                 .found = "'" + name + "'",
+                 .allowed = "a name that can name a folder: letters, digits, _ - . + ="});
+  }
+
+  // `cases: FILE.csv`, beside the spec or below: a spec that somebody sends reads nothing else.
+  std::vector<Case> read_table(const YAML::Node& cases) const {
+    const fs::path folder = fs::weakly_canonical(fs::absolute(path_).parent_path());
+    const fs::path table = fs::weakly_canonical(folder / cases.Scalar());
+    if (cases.Scalar().empty() || !is_within(table, folder)) {
+      throw fail(cases, "cases", "'" + cases.Scalar() + "'",
+                 "a table (.csv) in the spec's folder or below");
+    }
+    std::vector<Case> named = read_case_table(path_.parent_path() / cases.Scalar());
+    if (named.size() > max_cases) {
+      throw fail(cases, "cases", fmt::format("{} cases", named.size()),
+                 fmt::format("at most {}", max_cases));
+    }
+    for (const auto& one : named) check_name(one.name, one.where);
+    return named;
+  }
+
+  static bool is_within(const fs::path& path, const fs::path& folder) {
+    const fs::path relative = path.lexically_relative(folder);
+    return !relative.empty() && *relative.begin() != "..";
+  }
+
   std::vector<Case> read_named(const YAML::Node& cases) const {
-    const char* const allowed = "NAME: {VARIABLE or STAGE.PARAM: VALUE}";
+    if (cases.IsScalar()) return read_table(cases);
+    const char* const allowed = "NAME: {VARIABLE or STAGE.PARAM: VALUE}, or a table's file name";
     if (!cases.IsMap() || cases.size() == 0) throw fail(cases, "cases", "not a map", allowed);
     std::vector<Case> named;
     for (const auto& item : cases) {
       Case one{.name = item.first.Scalar(), .where = place_of(path_, item.first)};
-      if (one.name != folder_name(one.name)) {
-        throw fail(item.first, "cases", "'" + one.name + "'",
-                   "a name that can name a folder: letters, digits, _ - . + =");
-      }
+      check_name(one.name, one.where);
       if (!item.second.IsNull() && !item.second.IsMap()) {
         throw fail(item.second, "cases." + one.name, "not a map", allowed);
       }
@@ -138,7 +168,7 @@ class CaseReader {
     for (const auto& one : all) {
       if (known.emplace(one.name, &one).second) continue;
       throw Error(ExitCode::bad_config, {.where = one.where,
-                                         .field = "sweep",
+                                         .field = "cases",
                                          .found = "two cases are called '" + one.name + "'",
                                          .allowed = "values that differ in letters and digits",
                                          .remedy = "name them under cases:"});

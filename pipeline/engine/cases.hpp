@@ -10,7 +10,7 @@
 //     substeps: [16, 64]
 //
 // makes healthy,solver=xpbd,substeps=16 and seven more. `sweep:` may be a list of such maps: their
-// points follow one another.
+// points follow one another. `cases: cohort.csv` names a table of them (case_table.hpp).
 #pragma once
 
 #include <yaml-cpp/yaml.h>

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "pipeline/contract/manifest.hpp"
 #include "pipeline/engine/store.hpp"
@@ -26,10 +27,11 @@ class Catalog {
   // Error(internal) when the executable's declaration cannot be read.
   StageProgramFile find(const std::string& stage, const std::string& where);
 
+  std::vector<std::string> names() const;  // of all stages there are, sorted
+
  private:
   StageInfo describe(const std::string& stage, const std::filesystem::path& executable,
                      const std::string& sha256);
-  std::vector<std::string> names() const;
 
   std::filesystem::path programs_;
   Store& store_;

@@ -1,35 +1,43 @@
 #include "pipeline/engine/digest_cache.hpp"
 
+#include <fmt/format.h>
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <charconv>
 #include <chrono>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/input_digest.hpp"
-#include "pipeline/contract/param.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
 namespace {
 
 constexpr std::int64_t second_ns = 1'000'000'000;
+constexpr std::ptrdiff_t digest_digits = 64;
 
 }  // namespace
 
+// "SHA256 SIZE INODE MTIME PATH" lines; what is no such line is ignored.
 DigestCache::DigestCache(fs::path file) : file_(std::move(file)) {
   if (!fs::exists(file_)) return;
-  const Json json = Json::parse(read_file(file_), nullptr, false);
-  if (!json.is_object()) return;
-  try {
-    for (const auto& [path, entry] : json.items()) {
-      known_[path] = {.size = entry.at(0),
-                      .inode = entry.at(1),
-                      .mtime_ns = entry.at(2),
-                      .sha256 = entry.at(3)};
+  const std::string text = read_file(file_);
+  const char *at = text.data(), *const end = at + text.size();
+  for (const char* next = at; at < end; at = next + 1) {
+    next = std::find(at, end, '\n');
+    if (next - at <= digest_digits) continue;
+    Known known{.sha256 = std::string(at, digest_digits)};
+    const char* rest = at + digest_digits;
+    const auto read = [&rest, next](auto& number) {
+      const auto [after, failure] = std::from_chars(std::min(rest + 1, next), next, number);
+      rest = after;
+      return failure == std::errc{} && after < next && *after == ' ';
+    };
+    if (read(known.size) && read(known.inode) && read(known.mtime_ns)) {
+      known_.insert_or_assign(known_.end(), std::string(rest + 1, next), std::move(known));
     }
-  } catch (const Json::exception&) {
-    known_.clear();
   }
 }
 
@@ -81,14 +89,14 @@ void DigestCache::save_now_and_then() {
 void DigestCache::save() {
   if (!changed_) return;
   saved_ = std::chrono::steady_clock::now();
-  Json json = Json::object();
+  std::string text;
   for (const auto& [path, known] : known_) {
     const auto now = look_at(path);
-    if (now && known.same_file(*now)) {
-      json[path] = {known.size, known.inode, known.mtime_ns, known.sha256};
-    }
+    if (!now || !known.same_file(*now) || path.find('\n') != std::string::npos) continue;
+    text += fmt::format("{} {} {} {} {}\n", known.sha256, known.size, known.inode, known.mtime_ns,
+                        path);
   }
-  write_atomically(file_, json.dump(0) + "\n");
+  write_atomically(file_, text);
   changed_ = false;
 }
 

@@ -34,35 +34,44 @@ Error no_locks(const std::filesystem::path& path, int failure) {
 
 }  // namespace
 
-FileLock::FileLock(const std::filesystem::path& path, const std::string& purpose, Kind kind)
+FileLock::FileLock(const std::filesystem::path& path)
     // Closed on exec: a stage that outlived us must not keep the lock.
     : file_(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666)) {
-  if (file_ < 0) {
-    throw Error(ExitCode::usage, {.where = path.string(),
-                                  .found = std::string("cannot be made: ") + std::strerror(errno),
-                                  .allowed = "a folder you may write to, with space left",
-                                  .remedy = "choose another --out or --cache"});
-  }
+  if (file_ >= 0) return;
+  throw Error(ExitCode::usage, {.where = path.string(),
+                                .found = std::string("cannot be made: ") + std::strerror(errno),
+                                .allowed = "a folder you may write to, with space left",
+                                .remedy = "choose another --out or --cache"});
+}
+
+FileLock::FileLock(const std::filesystem::path& path, const std::string& purpose, Kind kind)
+    : FileLock(path) {  // from here on the destructor runs whatever is thrown
   bool told = false;
-  const int wanted = kind == Kind::shared ? LOCK_SH : LOCK_EX;
-  while (flock(file_, wanted | LOCK_NB) != 0) {
-    const int failure = errno;
-    try {
-      if (failure != EWOULDBLOCK && failure != EINTR) throw no_locks(path, failure);
-      if (failure == EWOULDBLOCK && !std::exchange(told, true)) {
-        log::info("waits for {}", holder(file_));
-      }
-      log::check_interrupt();
-    } catch (const Error&) {
-      close(file_);  // no destructor runs for an object that was not finished
-      throw;
-    }
+  while (!taken(path, purpose, kind)) {
+    if (!std::exchange(told, true)) log::info("waits for {}", holder(file_));
+    log::check_interrupt();
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
-  if (kind == Kind::shared) return;  // whom one waits for is who holds it alone
+}
+
+bool FileLock::taken(const std::filesystem::path& path, const std::string& purpose, Kind kind) {
+  if (flock(file_, (kind == Kind::shared ? LOCK_SH : LOCK_EX) | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK && errno != EINTR) throw no_locks(path, errno);
+    return false;
+  }
+  if (kind == Kind::shared) return true;  // whom one waits for is who holds it alone
   const std::string text = fmt::format("process {} ({})", getpid(), purpose);
   (void)!ftruncate(file_, 0);
   (void)!pwrite(file_, text.data(), text.size(), 0);
+  return true;
+}
+
+std::unique_ptr<FileLock> FileLock::attempt(const std::filesystem::path& path,
+                                            const std::string& purpose, std::string& held_by) {
+  std::unique_ptr<FileLock> lock(new FileLock(path));
+  if (lock->taken(path, purpose, Kind::exclusive)) return lock;
+  held_by = holder(lock->file_);
+  return nullptr;
 }
 
 FileLock::~FileLock() {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 
 namespace viscera {
@@ -15,11 +16,17 @@ class FileLock {
   // Error(interrupted) on SIGINT or SIGTERM.
   FileLock(const std::filesystem::path& path, const std::string& purpose,
            Kind kind = Kind::exclusive);
+  // Without waiting: null when another process holds it, which `held_by` then names.
+  static std::unique_ptr<FileLock> attempt(const std::filesystem::path& path,
+                                           const std::string& purpose, std::string& held_by);
   ~FileLock();
   FileLock(const FileLock&) = delete;
   FileLock& operator=(const FileLock&) = delete;
 
  private:
+  explicit FileLock(const std::filesystem::path& path);
+  bool taken(const std::filesystem::path& path, const std::string& purpose, Kind kind);
+
   int file_ = -1;
 };
 

@@ -112,7 +112,7 @@ struct Connection {
 };
 
 std::vector<Connection> connect(const std::vector<Candidate>& stages, std::size_t self,
-                                const Writers& writers, const MadeByRole& made) {
+                                const Writers& writers, const MadeByRole& made, bool gathers) {
   const Candidate& stage = stages[self];
   std::vector<Connection> inputs;
   for (const auto& role : stage.program.info.inputs) {
@@ -125,7 +125,9 @@ std::vector<Connection> connect(const std::vector<Candidate>& stages, std::size_
     // A stage may read from a file the role that it writes itself.
     const auto writer = writers.find(role.role);
     const auto gathered = made.find(role.role);
-    if (writer != writers.end() && writer->second.candidate != self) {
+    if (gathers && role.role == runs_role) {
+      input.from_engine = true;
+    } else if (writer != writers.end() && writer->second.candidate != self) {
       one.in_list = true;
       input.producers = {writer->second.candidate};
       input.produced_file = writer->second.file;
@@ -186,7 +188,7 @@ void add_to_plan(Plan& plan, const std::vector<Candidate>& stages, const MadeByR
   for (std::size_t i = 0; i < stages.size(); ++i) {
     check_given_roles(stages[i], stages, writers);
     params.push_back(resolve_params(stages[i]));
-    inputs.push_back(connect(stages, i, writers, made));
+    inputs.push_back(connect(stages, i, writers, made, gathers));
   }
   const auto order = order_of(stages, inputs);
   const std::size_t begin = plan.size();
@@ -215,7 +217,8 @@ MadeByRole made_by(const Plan& plan) {
   return made;
 }
 
-// Which stages of the plan are called so.
+}  // namespace
+
 std::vector<bool> called(const Plan& plan, const std::string& stage, const std::string& option) {
   std::vector<bool> found;
   std::vector<std::string> names;
@@ -230,9 +233,28 @@ std::vector<bool> called(const Plan& plan, const std::string& stage, const std::
                                 .remedy = suggest(stage, names)});
 }
 
-}  // namespace
+bool PlannedStage::may_use_gpu() const {
+  const auto declared = std::ranges::find(program.info.params, "device", &Param::name);
+  return declared != program.info.params.end() && std::ranges::count(declared->choices, "cuda") &&
+         params.at("device") != "cpu";
+}
 
-Plan make_plan(const Spec& spec, Catalog& catalog) {
+std::filesystem::path folder_of(const std::filesystem::path& out, const PlannedStage& stage) {
+  return stage.case_name.empty() ? out : out / stage.case_name;
+}
+
+std::vector<std::size_t> awaited_by(const Plan& plan, std::size_t i) {
+  std::vector<std::size_t> awaited;
+  for (const auto& input : plan[i].inputs) {
+    awaited.insert(awaited.end(), input.producers.begin(), input.producers.end());
+    for (std::size_t k = 0; input.from_engine && k < i; ++k) {
+      if (!plan[k].gathers) awaited.push_back(k);
+    }
+  }
+  return awaited;
+}
+
+Plan make_plan(const Spec& spec, Catalog& catalog, std::vector<RefusedCase>* refused) {
   std::map<std::string, StageProgramFile> programs;
   const auto candidates = [&](const std::vector<SpecStage>& stages) {
     std::vector<Candidate> list;
@@ -247,7 +269,13 @@ Plan make_plan(const Spec& spec, Catalog& catalog) {
   };
   Plan plan;
   for (const auto& one : spec.cases) {
-    add_to_plan(plan, candidates(one.stages), {}, one.name, false);
+    const auto stages = candidates(one.stages);
+    try {
+      add_to_plan(plan, stages, {}, one.name, false);
+    } catch (const Error& e) {
+      if (!refused || one.name.empty()) throw;
+      refused->push_back({one.name, one.settings, e.code(), e.what()});
+    }
   }
   if (!spec.gather.empty()) add_to_plan(plan, candidates(spec.gather), made_by(plan), "", true);
   return plan;
@@ -257,9 +285,7 @@ std::vector<bool> needed_by(const Plan& plan, const std::string& stage, const st
   std::vector<bool> needed = called(plan, stage, option);
   for (std::size_t i = plan.size(); i-- > 0;) {
     if (!needed[i]) continue;
-    for (const auto& input : plan[i].inputs) {
-      for (const std::size_t producer : input.producers) needed[producer] = true;
-    }
+    for (const std::size_t producer : awaited_by(plan, i)) needed[producer] = true;
   }
   return needed;
 }
@@ -267,9 +293,7 @@ std::vector<bool> needed_by(const Plan& plan, const std::string& stage, const st
 std::vector<bool> needing(const Plan& plan, const std::string& stage, const std::string& option) {
   std::vector<bool> flags = called(plan, stage, option);
   for (std::size_t i = 0; i < plan.size(); ++i) {
-    for (const auto& input : plan[i].inputs) {
-      for (const std::size_t producer : input.producers) flags[i] = flags[i] || flags[producer];
-    }
+    for (const std::size_t producer : awaited_by(plan, i)) flags[i] = flags[i] || flags[producer];
   }
   return flags;
 }

@@ -44,6 +44,15 @@ std::string numbered(const std::string& role, std::size_t i) {
   return i == 0 ? role : fmt::format("{}#{}", role, i + 1);
 }
 
+void add_files(StageKey& key, const PlannedInput& input, DigestCache& digests) {
+  for (std::size_t i = 0; i < input.files.size(); ++i) {
+    const std::string digest = digests.input_digest(input.files[i]);
+    key.transcript.add("input", numbered(input.role.role, i),
+                       fmt::format("{} {}", digest, input.files[i].extension().string()));
+    key.inputs.emplace(input.role.role, digest);
+  }
+}
+
 void add_inputs(StageKey& key, const PlannedStage& stage,
                 const std::vector<std::optional<Entry>>& entries, DigestCache& digests) {
   for (const auto& input : stage.inputs) {
@@ -59,21 +68,23 @@ void add_inputs(StageKey& key, const PlannedStage& stage,
         if (output.path == input.produced_file) key.inputs.emplace(role, output.sha256);
       }
     }
-    if (!input.producers.empty()) continue;
-    for (std::size_t i = 0; i < input.files.size(); ++i) {
-      const std::string digest = digests.input_digest(input.files[i]);
-      key.transcript.add("input", numbered(role, i),
-                         fmt::format("{} {}", digest, input.files[i].extension().string()));
+    if (input.from_engine) {
+      const std::string digest = sha256(input.engine_text);
+      key.transcript.add("input", role, digest);
       key.inputs.emplace(role, digest);
     }
+    if (input.producers.empty()) add_files(key, input, digests);
   }
 }
 
-void add_toolchain(KeyTranscript& transcript, const StageProgramFile& program) {
+void add_program(KeyTranscript& transcript, const StageProgramFile& program) {
   transcript.add("program", program.executable.filename().string(), program.sha256);
   for (const auto& [name, version] : program.info.libraries) {
     transcript.add("library", name, version);
   }
+}
+
+void add_probes(KeyTranscript& transcript, const StageProgramFile& program) {
   for (const auto& probe : program.info.probes) {
     if (probe.starts_with(environment_prefix)) {
       const char* value = std::getenv(probe.c_str() + environment_prefix.size());
@@ -92,8 +103,20 @@ StageKey key_of(const PlannedStage& stage, const std::vector<std::optional<Entry
   key.transcript.add("stage", stage.name(), stage.program.info.version);
   add_params(key.transcript, stage);
   add_inputs(key, stage, entries, digests);
-  add_toolchain(key.transcript, stage.program);
+  add_program(key.transcript, stage.program);
+  add_probes(key.transcript, stage.program);
   return key;
+}
+
+KeyTranscript own_settings(const PlannedStage& stage, DigestCache& digests) {
+  StageKey own;
+  own.transcript.add("stage", stage.name(), stage.program.info.version);
+  add_params(own.transcript, stage);
+  for (const auto& input : stage.inputs) {
+    if (input.producers.empty()) add_files(own, input, digests);
+  }
+  add_program(own.transcript, stage.program);
+  return own.transcript;
 }
 
 }  // namespace viscera

@@ -32,4 +32,8 @@ struct StageKey {
 StageKey key_of(const PlannedStage& stage, const std::vector<std::optional<Entry>>& entries,
                 DigestCache& digests);
 
+// The part of the key that is known before any other stage has run: all but the inputs that stages
+// make, and without what stands for the machine, which may be another when the stage runs.
+KeyTranscript own_settings(const PlannedStage& stage, DigestCache& digests);
+
 }  // namespace viscera

@@ -6,12 +6,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstring>
 #include <thread>
+#include <utility>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
@@ -34,144 +36,180 @@ class Pipe {
  public:
   Pipe() {
     if (pipe2(ends_.data(), O_CLOEXEC) != 0) throw no_process("pipe");
+    fcntl(ends_[0], F_SETFL, O_NONBLOCK);
   }
   ~Pipe() {
-    close_end(0);
-    close_end(1);
+    for (const int end : ends_) {
+      if (end >= 0) close(end);
+    }
   }
   Pipe(const Pipe&) = delete;
   Pipe& operator=(const Pipe&) = delete;
-  int read_end() const { return ends_[0]; }
+  int release_read_end() { return std::exchange(ends_[0], -1); }
   int write_end() const { return ends_[1]; }
-  void close_end(int i) {
-    if (ends_[i] >= 0) close(ends_[i]);
-    ends_[i] = -1;
-  }
 
  private:
   std::array<int, 2> ends_{-1, -1};
 };
 
 // In the child, between fork and exec: only calls that are safe there.
-[[noreturn]] void become(char* const* arguments, pid_t parent, int output, int errors) {
+[[noreturn]] void become(char* const* arguments, char* const* environment, pid_t parent, int output,
+                         int errors) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(127);
   const int nothing = open("/dev/null", O_RDONLY);
   if (nothing >= 0) dup2(nothing, STDIN_FILENO);
   dup2(output, STDOUT_FILENO);
   dup2(errors, STDERR_FILENO);
-  execv(arguments[0], arguments);
+  execve(arguments[0], arguments, environment);
   const char* why = std::strerror(errno);
   (void)!write(STDERR_FILENO, why, std::strlen(why));
   _exit(127);
 }
 
-class Child {
- public:
-  Child(const std::vector<std::string>& arguments, int output, int errors) {
-    std::vector<char*> pointers;
-    for (const auto& argument : arguments) pointers.push_back(const_cast<char*>(argument.c_str()));
-    pointers.push_back(nullptr);
-    const pid_t parent = getpid();
-    pid_ = fork();
-    if (pid_ < 0) throw no_process("fork");
-    if (pid_ == 0) become(pointers.data(), parent, output, errors);
-  }
-  ~Child() {
-    if (pid_ > 0) stop();
-  }
-  Child(const Child&) = delete;
-  Child& operator=(const Child&) = delete;
+std::vector<char*> pointers_to(const std::vector<std::string>& texts) {
+  std::vector<char*> pointers;
+  for (const auto& text : texts) pointers.push_back(const_cast<char*>(text.c_str()));
+  pointers.push_back(nullptr);
+  return pointers;
+}
 
-  // Its status as waitpid gives it.
-  int wait_for() {
-    while (pid_ > 0 && waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
-    }
-    pid_ = 0;
-    return status_;
+// Ours, and `more` in place of what is called the same.
+std::vector<std::string> environment_with(const std::vector<std::string>& more) {
+  std::vector<std::string> all = more;
+  for (char** variable = environ; *variable; ++variable) {
+    const std::string text = *variable, name = text.substr(0, text.find('=') + 1);
+    const bool replaced = std::any_of(more.begin(), more.end(),
+                                      [&name](const auto& one) { return one.starts_with(name); });
+    if (!replaced) all.push_back(text);
   }
-  bool ended() {
-    if (pid_ > 0 && waitpid(pid_, &status_, WNOHANG) == pid_) pid_ = 0;
-    return pid_ == 0;
-  }
+  return all;
+}
 
- private:
-  void stop() {
-    kill(pid_, SIGTERM);
-    const auto deadline = std::chrono::steady_clock::now() + patience;
-    while (!ended()) {
-      if (std::chrono::steady_clock::now() > deadline) {
-        kill(pid_, SIGKILL);
-        wait_for();
-        return;
-      }
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-  }
-
-  pid_t pid_ = 0;
-  int status_ = 0;
-};
-
-class LineSplitter {
- public:
-  explicit LineSplitter(const std::function<void(std::string_view)>& on_line) : on_line_(on_line) {}
-  void add(std::string_view bytes) {
-    for (const char c : bytes) {
-      if (c != '\n') line_ += c;
-      if (c == '\n' || line_.size() >= max_line) flush();
-    }
-  }
-  void flush() {
-    std::string line;
-    line.swap(line_);
-    if (!line.empty()) on_line_(line);
-  }
-
- private:
-  const std::function<void(std::string_view)>& on_line_;
-  std::string line_;
-};
+pid_t start_child(const std::vector<std::string>& arguments,
+                  const std::vector<std::string>& environment, int output, int errors) {
+  const std::vector<std::string> whole = environment_with(environment);
+  const std::vector<char*> argument_pointers = pointers_to(arguments),
+                           variables = pointers_to(whole);
+  const pid_t parent = getpid();
+  const pid_t child = fork();
+  if (child < 0) throw no_process("fork");
+  if (child == 0) become(argument_pointers.data(), variables.data(), parent, output, errors);
+  return child;
+}
 
 }  // namespace
 
-ProcessEnd run_process(const std::vector<std::string>& arguments,
-                       const std::function<void(std::string_view)>& on_line) {
+Process::Process(const std::vector<std::string>& arguments, LineReader on_line,
+                 const std::vector<std::string>& environment)
+    : on_line_(std::move(on_line)) {
   Pipe output, errors;
-  Child child(arguments, output.write_end(), errors.write_end());
-  output.close_end(1);
-  errors.close_end(1);
+  pid_ = start_child(arguments, environment, output.write_end(), errors.write_end());
+  output_ = output.release_read_end();
+  errors_ = errors.release_read_end();
+}
 
-  ProcessEnd end;
-  LineSplitter lines(on_line);
-  std::array<pollfd, 2> open_ends{pollfd{output.read_end(), POLLIN, 0},
-                                  pollfd{errors.read_end(), POLLIN, 0}};
-  std::array<char, 16384> buffer{};
-  while (open_ends[0].fd >= 0 || open_ends[1].fd >= 0) {
-    const bool silent = poll(open_ends.data(), open_ends.size(), 100) == 0;
-    log::check_interrupt();
-    if (silent && child.ended()) break;  // a process that it left behind holds the pipes open
-    for (auto& source : open_ends) {
-      if (source.fd < 0 || source.revents == 0) continue;
-      const auto count = read(source.fd, buffer.data(), buffer.size());
-      if (count < 0 && errno == EINTR) continue;
-      if (count <= 0) {
-        source.fd = -1;
-        continue;
-      }
-      const std::string_view bytes(buffer.data(), static_cast<std::size_t>(count));
-      if (source.fd == errors.read_end()) {
-        lines.add(bytes);
-      } else if (end.output.size() < max_output) {
-        end.output += bytes;
-      }
+Process::~Process() {
+  if (pid_ > 0) {
+    ask_to_stop();
+    const auto deadline = std::chrono::steady_clock::now() + patience;
+    while (!reaped() && std::chrono::steady_clock::now() < deadline) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
+    kill_and_wait();
   }
-  lines.flush();
-  const int status = child.wait_for();
-  if (WIFSIGNALED(status)) end.signal = WTERMSIG(status);
-  if (WIFEXITED(status)) end.exit_code = WEXITSTATUS(status);
-  return end;
+  for (const int pipe : {output_, errors_}) {
+    if (pipe >= 0) close(pipe);
+  }
+}
+
+void Process::ask_to_stop() {
+  if (pid_ > 0) kill(pid_, SIGTERM);
+}
+
+void Process::kill_and_wait() {
+  if (pid_ > 0) kill(pid_, SIGKILL);
+  wait_for_end();
+}
+
+void Process::wait_for_end() {
+  while (pid_ > 0 && waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
+  }
+  pid_ = 0;
+}
+
+bool Process::reaped() {
+  if (pid_ > 0 && waitpid(pid_, &status_, WNOHANG) == pid_) pid_ = 0;
+  return pid_ == 0;
+}
+
+void Process::take(std::string_view bytes, bool of_errors) {
+  if (!of_errors) {
+    if (end_.output.size() < max_output) end_.output += bytes;
+    return;
+  }
+  for (const char c : bytes) {
+    if (c != '\n') line_ += c;
+    if (c == '\n' || line_.size() >= max_line) flush_line();
+  }
+}
+
+void Process::flush_line() {
+  std::string line;
+  line.swap(line_);
+  if (!line.empty()) on_line_(line);
+}
+
+// Reads what is there, without waiting; closes the pipe at its end.
+void Process::drain(int& pipe, bool of_errors) {
+  std::array<char, 16384> buffer{};
+  // A bounded share of a flood: the others want to be heard too.
+  for (int turn = 0; pipe >= 0 && turn < 16; ++turn) {
+    const auto count = read(pipe, buffer.data(), buffer.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0 && errno == EAGAIN) return;
+    if (count <= 0) {
+      close(pipe);
+      pipe = -1;
+      return;
+    }
+    take({buffer.data(), static_cast<std::size_t>(count)}, of_errors);
+  }
+}
+
+// A process that it left behind may hold the pipes open: they are not waited for once it has ended.
+void Process::hear(bool silent) {
+  const bool gone = silent && reaped();
+  drain(output_, false);
+  drain(errors_, true);
+  if ((output_ >= 0 || errors_ >= 0) && !gone) return;
+  if (!reaped()) return;  // its pipes close just before it ends, or it goes on without them
+  flush_line();
+  if (WIFSIGNALED(status_)) end_.signal = WTERMSIG(status_);
+  if (WIFEXITED(status_)) end_.exit_code = WEXITSTATUS(status_);
+  ended_ = true;
+}
+
+void listen_to(const std::vector<Process*>& processes, std::chrono::milliseconds at_most) {
+  std::vector<pollfd> pipes;
+  for (const Process* process : processes) {
+    const bool ending = process->output_ < 0 && process->errors_ < 0;
+    if (ending) at_most = std::min(at_most, std::chrono::milliseconds(1));
+    pipes.push_back({process->output_, POLLIN, 0});
+    pipes.push_back({process->errors_, POLLIN, 0});
+  }
+  poll(pipes.data(), pipes.size(), static_cast<int>(at_most.count()));
+  log::check_interrupt();
+  for (std::size_t i = 0; i < processes.size(); ++i) {
+    if (processes[i]->ended_) continue;
+    processes[i]->hear(pipes[2 * i].revents == 0 && pipes[2 * i + 1].revents == 0);
+  }
+}
+
+ProcessEnd run_process(const std::vector<std::string>& arguments, const LineReader& on_line) {
+  Process process(arguments, on_line);
+  while (!process.ended()) listen_to({&process}, std::chrono::milliseconds(100));
+  return process.end();
 }
 
 }  // namespace viscera

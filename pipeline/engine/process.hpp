@@ -1,7 +1,11 @@
-// Starts one program without a shell and listens to it until it ends. The child dies with us, even
-// when we are killed; an interrupt (SIGINT, SIGTERM) ends it and throws Error(interrupted).
+// Starts programs without a shell and listens to them until they end. A child dies with us, even
+// when we are killed; one whose object goes before its end is asked to stop, and killed after a
+// while.
 #pragma once
 
+#include <sys/types.h>
+
+#include <chrono>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -15,9 +19,47 @@ struct ProcessEnd {
   std::string output;  // stdout, at most 4 MiB of it
 };
 
-// `arguments[0]` is the program's path. `on_line` receives each line of stderr; lines longer than
-// 64 KiB arrive in pieces. Throws Error(try_again) when no process can be made.
-ProcessEnd run_process(const std::vector<std::string>& arguments,
-                       const std::function<void(std::string_view)>& on_line);
+// Receives each line of stderr; lines longer than 64 KiB arrive in pieces.
+using LineReader = std::function<void(std::string_view)>;
+
+class Process {
+ public:
+  // `arguments[0]` is the program's path; `environment` holds NAME=VALUE texts beside our own.
+  // Throws Error(try_again) when no process can be made.
+  Process(const std::vector<std::string>& arguments, LineReader on_line,
+          const std::vector<std::string>& environment = {});
+  ~Process();
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  bool ended() const { return ended_; }
+  const ProcessEnd& end() const { return end_; }  // once it has ended
+  void ask_to_stop();                             // SIGTERM
+
+ private:
+  friend void listen_to(const std::vector<Process*>& processes, std::chrono::milliseconds at_most);
+  void hear(bool silent);
+  void drain(int& pipe, bool of_errors);
+  void take(std::string_view bytes, bool of_errors);
+  void flush_line();
+  bool reaped();
+  void kill_and_wait();
+  void wait_for_end();
+
+  LineReader on_line_;
+  std::string line_;  // begun, not ended
+  int output_ = -1, errors_ = -1;
+  pid_t pid_ = 0;
+  int status_ = 0;
+  bool ended_ = false;
+  ProcessEnd end_;
+};
+
+// Waits until one of them says something or ends, and hands on what they said. Throws
+// Error(interrupted) on SIGINT or SIGTERM.
+void listen_to(const std::vector<Process*>& processes, std::chrono::milliseconds at_most);
+
+// One program from start to end.
+ProcessEnd run_process(const std::vector<std::string>& arguments, const LineReader& on_line);
 
 }  // namespace viscera

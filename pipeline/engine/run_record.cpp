@@ -1,44 +1,74 @@
 #include "pipeline/engine/run_record.hpp"
 
 #include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/param.hpp"
 
 namespace viscera {
+namespace {
+
+template <class Map>
+auto value_or_null(const Map& map, const std::string& key) {
+  const auto found = map.find(key);
+  return found == map.end() ? nullptr : &found->second;
+}
+
+}  // namespace
 
 RunRecord::RunRecord(std::filesystem::path file) : file_(std::move(file)) {
   if (!std::filesystem::is_regular_file(file_)) return;
-  saved_ = read_file(file_);
-  const Json json = Json::parse(saved_, nullptr, false);
+  const Json json = Json::parse(read_file(file_), nullptr, false);
   try {
     for (const auto& [stage, record] : json.at("stages").items()) {
-      transcripts_[stage] = record.at("transcript");
+      finished_[stage] = {record.at("key"), record.at("transcript"), record.value("wall_s", 0.0)};
+    }
+    const Json failures = json.value("failures", Json::object());
+    for (const auto& [stage, record] : failures.items()) {
+      failures_[stage] = {static_cast<ExitCode>(record.at("exit").get<int>()),
+                          record.at("message")};
     }
   } catch (const Json::exception&) {
-    transcripts_.clear();
+    finished_.clear();
+    failures_.clear();
   }
 }
 
-const std::string* RunRecord::transcript(const std::string& stage) const {
-  const auto found = transcripts_.find(stage);
-  return found == transcripts_.end() ? nullptr : &found->second;
+const RunRecord::Finished* RunRecord::finished(const std::string& stage) const {
+  return value_or_null(finished_, stage);
 }
 
-void RunRecord::set(const std::string& stage, const std::string& transcript) {
-  transcripts_[stage] = transcript;
+const RunRecord::Failure* RunRecord::failure(const std::string& stage) const {
+  return value_or_null(failures_, stage);
+}
+
+void RunRecord::set(const std::string& stage, Finished finished) {
+  Finished& known = finished_[stage];
+  const bool same = known == finished;
+  if (failures_.erase(stage) == 0 && same) return;
+  known = std::move(finished);
+  changed_ = true;
+}
+
+void RunRecord::set_failure(const std::string& stage, Failure failure) {
+  failures_[stage] = std::move(failure);
+  changed_ = true;
 }
 
 std::string RunRecord::text() const {
   Json json{{"schema", 1}, {"stages", Json::object()}};
-  for (const auto& [stage, transcript] : transcripts_) {
-    json["stages"][stage] = {{"key", sha256(transcript)}, {"transcript", transcript}};
+  for (const auto& [stage, record] : finished_) {
+    json["stages"][stage] = {
+        {"key", record.key}, {"transcript", record.transcript}, {"wall_s", record.wall_s}};
   }
-  return json.dump(1) + "\n";
+  for (const auto& [stage, failure] : failures_) {
+    json["failures"][stage] = {{"exit", static_cast<int>(failure.exit)},
+                               {"message", failure.message}};
+  }
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-void RunRecord::save() const {
-  const std::string now = text();
-  if (now != saved_) write_atomically(file_, now);
+void RunRecord::save() {
+  if (changed_) write_atomically(file_, text());
+  changed_ = false;
 }
 
 }  // namespace viscera

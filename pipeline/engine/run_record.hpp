@@ -1,10 +1,13 @@
-// out/NAME/run.json: the key and transcript of every stage as it was last finished there, with
-// which the next run says what has changed.
+// OUT/NAME/run.json, of a case OUT/NAME/CASE/run.json: the key and transcript of every stage as it
+// was last finished there, with which the next run says what has changed; and how it last failed.
 #pragma once
 
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
+
+#include "pipeline/contract/exit_code.hpp"
 
 namespace viscera {
 
@@ -12,16 +15,31 @@ class RunRecord {
  public:
   explicit RunRecord(std::filesystem::path file);  // a missing or damaged file: no stage known
 
-  const std::string* transcript(const std::string& stage) const;  // null: not finished before
-  void set(const std::string& stage, const std::string& transcript);
-  void save() const;  // leaves a file alone that says the same
+  struct Finished {
+    std::string key, transcript;
+    double wall_s = 0.0;  // of the run that made the result
+    bool operator==(const Finished&) const = default;
+  };
+  struct Failure {
+    ExitCode exit = ExitCode::internal;
+    std::string message;
+  };
+
+  const Finished* finished(const std::string& stage) const;  // null: not finished before
+  const Failure* failure(const std::string& stage) const;    // null: its last run did not fail
+  void set(const std::string& stage, Finished finished);     // forgets its failure
+  void set_failure(const std::string& stage, Failure failure);
+  void save();  // leaves a file alone that says the same
 
  private:
   std::string text() const;
 
   std::filesystem::path file_;
-  std::map<std::string, std::string> transcripts_;
-  std::string saved_;
+  std::map<std::string, Finished> finished_;
+  std::map<std::string, Failure> failures_;
+  bool changed_ = false;
 };
+
+inline constexpr const char* run_record_name = "run.json";
 
 }  // namespace viscera

@@ -1,77 +1,87 @@
-// Read this file first: Runner::run is the engine. Everything it calls answers one question: what
-// is this stage's key, is its result in the store, why not, and what happens when it runs.
+// Read this file first: Runner::run is the engine. Everything it calls answers one question: may
+// this stage begin, what is its key, is its result in the store, why not, and how did it end. One
+// thread does all of this; stages are processes beside it.
 #include "pipeline/engine/runner.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
-#include <csignal>
 #include <iostream>
-#include <optional>
+#include <set>
 
+#include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
-#include "pipeline/engine/explain.hpp"
-#include "pipeline/engine/key.hpp"
-#include "pipeline/engine/process.hpp"
-#include "pipeline/engine/run_record.hpp"
+#include "pipeline/engine/case_report.hpp"
+#include "pipeline/engine/devices.hpp"
+#include "pipeline/engine/run_folders.hpp"
+#include "pipeline/engine/stage_job.hpp"
 #include "pipeline/engine/status.hpp"
+#include "pipeline/engine/survey.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
 namespace {
 
-void make_out(const fs::path& out) {
-  std::error_code failure;
-  fs::create_directories(out, failure);
-  if (!failure) return;
-  throw Error(ExitCode::usage, {.where = out.string(),
-                                .field = "--out",
-                                .found = "cannot be made: " + failure.message(),
-                                .allowed = "a folder you may write to",
-                                .remedy = "choose another --out, or mend its permissions"});
+std::vector<bool> wanted_by(const RunOptions& options, const Plan& plan) {
+  if (!options.only.empty()) return called(plan, options.only, "--only");
+  return options.until.empty() ? std::vector<bool>(plan.size(), true)
+                               : needed_by(plan, options.until, "--until");
+}
+
+std::vector<bool> forced_by(const RunOptions& options, const Plan& plan) {
+  return options.from.empty() ? std::vector<bool>(plan.size(), false)
+                              : needing(plan, options.from, "--from");
 }
 
 class Runner {
  public:
   Runner(const RunOptions& options, const Spec& spec, Plan plan, Store& store)
       : options_(options),
-        name_(spec.name),
-        out_(options.out / spec.name),
+        spec_(spec),
+        out_(options.places.out / spec.name),
         plan_(std::move(plan)),
         store_(store),
+        folders_(plan_, out_),
+        devices_(options.gpus),
         entries_(plan_.size()),
-        wanted_(wanted(options, plan_)),
-        forced_(options.from.empty() ? std::vector<bool>(plan_.size(), false)
-                                     : needing(plan_, options.from, "--from")) {}
+        failures_(plan_.size()),
+        settled_(plan_.size(), false),
+        working_(plan_.size(), false),
+        told_(plan_.size(), false),
+        wanted_(wanted_by(options, plan_)),
+        forced_(forced_by(options, plan_)) {
+    for (std::size_t i = 0; i < plan_.size(); ++i) {
+      awaited_.push_back(awaited_by(plan_, i));
+      rows_.push_back({.stage = plan_[i].label(), .state = "not run"});
+    }
+  }
 
   ExitCode run() {
-    for (std::size_t i = 0; i < plan_.size(); ++i) {
-      if (!wanted_[i] || lacks_input(i)) {
-        rows_.push_back({.stage = plan_[i].label(), .state = wanted_[i] ? "skipped" : "not run"});
-        continue;
+    try {
+      while (begin_what_may() || !jobs_.empty()) {
+        listen();
+        end_what_has_ended();
       }
-      enter(folder_of(i));
-      name_cases(i);
-      const StageKey key = key_of(plan_[i], entries_, store_.digests());
-      Lookup cached = forced_[i] ? Lookup{} : store_.find(key.transcript.key());
-      bool ran = false;
-      entries_[i] = cached.entry ? cached.entry : compute(i, key, cached.damage, ran);
-      lay_out(i, key.transcript);
-      note_result(i, ran);
+    } catch (...) {  // interrupted, or no way to go on: nobody is left working
+      for (const auto& job : jobs_) job->process().ask_to_stop();
+      jobs_.clear();
+      throw;
     }
     store_.digests().save();
-    return worst_;
+    if (failure_ && !options_.spec.keep_going) throw *failure_;
+    return failure_ ? failure_->code() : worst_;
   }
 
   void print() const {
     if (options_.quiet) return;
-    std::cout << status_table(rows_shown());
+    std::cout << status_table(plan_.front().case_name.empty() ? rows_ : rows_worth_showing(rows_));
     const bool gathered = plan_.back().gathers;
     for (std::size_t i = 0; i < plan_.size(); ++i) {
-      if (!ends_folder(i) || plan_[i].gathers != gathered) continue;
+      if (!folders_.is_last(i) || plan_[i].gathers != gathered) continue;
       for (const auto& output : plan_[i].program.info.outputs) {
-        const fs::path file = folder_of(i) / output.file;
+        const fs::path file = folders_.of(i) / output.file;
         if (output.role.empty() || !fs::exists(file)) continue;
         std::cout << output.role << ": " << file.string()
                   << (entries_[i] ? "\n" : " (of an earlier run: this one did not make it)\n");
@@ -80,127 +90,121 @@ class Runner {
     std::cout << std::flush;
   }
 
-  void dry_run() {
-    for (std::size_t i = 0; i < plan_.size(); ++i) {
-      if (!wanted_[i]) continue;
-      const std::string waiting = unknown_producers(i);
-      std::string verdict;
-      if (!waiting.empty()) {
-        verdict =
-            fmt::format("would run unless the outputs of {} stay the same (cascade)", waiting);
-      } else {
-        name_cases(i);
-        const KeyTranscript transcript = key_of(plan_[i], entries_, store_.digests()).transcript;
-        const Lookup cached = forced_[i] ? Lookup{} : store_.find(transcript.key());
-        entries_[i] = cached.entry;
-        verdict = cached.entry ? "cached" : "would run: " + why(i, transcript, cached.damage);
-      }
-      std::cout << plan_[i].label() << ": " << verdict << "\n";
-    }
-    std::cout << std::flush;
-  }
-
  private:
-  static std::vector<bool> wanted(const RunOptions& options, const Plan& plan) {
-    std::vector<bool> flags = options.until.empty() ? std::vector<bool>(plan.size(), true)
-                                                    : needed_by(plan, options.until, "--until");
-    if (options.only_cases.empty()) return flags;
-    std::vector<std::string> names;
-    for (const auto& stage : plan) {
-      if (!stage.case_name.empty()) names.push_back(stage.case_name);
+  // Takes every stage that may begin as far as it goes. True while some wait for another process.
+  bool begin_what_may() {
+    waiting_ = 0;
+    for (std::size_t i = first_; i < plan_.size(); ++i) {
+      if (jobs_.size() + waiting_ >= options_.jobs) break;
+      const bool ready =
+          !settled_[i] && !working_[i] &&
+          std::ranges::all_of(awaited_[i], [this](std::size_t k) { return settled_[k]; });
+      if (ready) guarded(i, [&] { begin(i); });
     }
-    for (const auto& name : options.only_cases) {
-      if (std::ranges::count(names, name)) continue;
-      throw Error(ExitCode::usage,
-                  {.where = "command line",
-                   .field = "--case",
-                   .found = "no case '" + name + "' in the spec",
-                   .remedy = names.empty() ? "leave it out" : suggest(name, names)});
-    }
-    for (std::size_t i = 0; i < plan.size(); ++i) {
-      flags[i] = flags[i] && std::ranges::count(options.only_cases, plan[i].case_name);
-    }
-    return flags;
+    while (first_ < plan_.size() && settled_[first_]) ++first_;
+    return waiting_ > 0;
   }
 
-  // Of many cases those that need a look.
-  std::vector<StatusRow> rows_shown() const {
-    if (plan_.front().case_name.empty()) return rows_;
-    std::vector<StatusRow> shown;
-    for (const auto& row : rows_) {
-      const bool fine =
-          row.state == "cached" && !row.diverged &&
-          std::ranges::all_of(row.gates, [](const Gate& gate) { return gate.passed(); });
-      if (!fine) shown.push_back(row);
-    }
-    const std::size_t left_out = rows_.size() - shown.size();
-    if (left_out > 0)
-      shown.push_back({.stage = fmt::format("{} more", left_out), .state = "cached"});
-    return shown;
-  }
-
-  // OUT/NAME, of a case OUT/NAME/CASE.
-  fs::path folder_of(std::size_t i) const {
-    return plan_[i].case_name.empty() ? out_ : out_ / plan_[i].case_name;
-  }
-  // Its last stage's outputs also lie in the folder itself.
-  bool ends_folder(std::size_t i) const {
-    return i + 1 == plan_.size() || folder_of(i + 1) != folder_of(i);
-  }
-
-  // One run at a time writes to a folder: two may work on two cases of a spec side by side.
-  void enter(const fs::path& folder) {
-    if (guard_ && folder == entered_) return;
-    guard_.reset();
-    make_out(folder);
-    guard_.emplace(folder / ".lock", "run " + folder.lexically_relative(options_.out).string());
-    entered_ = folder;
-    record_.emplace(folder / "run.json");
-  }
-
-  // A gathering stage with a list `cases` learns there whose files it is given, in their order.
-  void name_cases(std::size_t i) {
-    PlannedStage& stage = plan_[i];
-    const auto& params = stage.program.info.params;
-    const auto declared = std::ranges::find(params, "cases", &Param::name);
-    if (!stage.gathers || declared == params.end() || declared->type != ParamType::list) return;
-    const auto many = std::ranges::find_if(
-        stage.inputs, [](const PlannedInput& input) { return input.producers.size() > 1; });
-    if (many == stage.inputs.end()) return;
-    Json names = Json::array();
-    for (const std::size_t producer : many->producers) {
-      if (produced(*many, producer)) names.push_back(plan_[producer].case_name);
-    }
-    stage.params["cases"] = std::move(names);
-  }
-
-  // The stage's result by running it, or (then `ran` stays false) from another engine that ran it
-  // while we waited.
-  Entry compute(std::size_t i, const StageKey& stage_key, const std::string& damage, bool& ran) {
-    const KeyTranscript& transcript = stage_key.transcript;
-    const std::string key = transcript.key();
-    const FileLock lock = store_.lock(key, fmt::format("{} of run {}", plan_[i].label(), name_));
-    const std::optional<Entry> earlier = store_.find(key).entry;
-    if (earlier && !forced_[i]) return *earlier;
-    log::info("{}: {}", plan_[i].label(), why(i, transcript, damage));
-    const fs::path work = store_.fresh_work_folder(key);
+  // An error of one stage ends its work; that of the others only unless the run keeps going.
+  template <class Work>
+  void guarded(std::size_t i, Work&& work) {
     try {
-      const ExitCode ended = run_program(i, work);
-      Entry entry =
-          store_.publish(key, transcript.text(), work,
-                         {.stage = plan_[i].name(), .exit = ended, .inputs = stage_key.inputs});
-      if (const std::string& reason = entry.manifest.uncacheable; !reason.empty()) {
-        log::warn("{}: not kept for later runs: {}", plan_[i].label(), reason);
-      }
-      if (earlier) compare(*earlier, entry);
-      ran = true;
-      store_.digests().save_now_and_then();
-      return entry;
-    } catch (...) {
-      std::error_code ignored;
-      fs::remove_all(work, ignored);
-      throw;
+      work();
+    } catch (const Error& e) {
+      if (e.code() == ExitCode::interrupted) throw;
+      fail(i, e);
     }
+  }
+
+  void begin(std::size_t i) {
+    if (!wanted_[i]) return pass_over(i);
+    if (failure_ && !options_.spec.keep_going) return settle(i);
+    if (lacks_input(plan_[i], entries_)) return skip(i);
+    if (plan_[i].may_use_gpu() && !free_gpu()) return;
+    if (!enter(i)) return;
+    const StageKey& key = key_of_stage(i);
+    const std::string name = key.transcript.key();
+    if (at_work(name)) return;  // for another case
+    const bool forced = forced_[i] && !made_.count(name);
+    Lookup cached = forced ? Lookup{} : store_.find(name);
+    if (cached.entry) return finish(i, std::move(*cached.entry), false);
+    std::string held_by;
+    auto lock =
+        store_.lock(name, fmt::format("{} of run {}", plan_[i].label(), spec_.name), held_by);
+    if (!lock) return wait(i, held_by);
+    auto earlier = store_.find(name).entry;  // another engine may have made it just now
+    if (earlier && !forced) return finish(i, std::move(*earlier), false);
+    log::info(
+        "{}: {}", plan_[i].label(),
+        forced ? "asked for with --from " + options_.from
+               : reason_to_run(plan_[i], folders_.record(i), key.transcript.text(), cached.damage));
+    start(i, std::move(lock), std::move(earlier));
+  }
+
+  void start(std::size_t i, std::unique_ptr<FileLock> lock, std::optional<Entry> earlier) {
+    const WorkFolders folders = store_.work_folders(keys_[i]->transcript.key());
+    auto job = std::make_unique<StageJob>(i, plan_[i].label(), std::move(lock), folders.work);
+    job->key = *keys_[i];
+    job->earlier = std::move(earlier);
+    if (plan_[i].may_use_gpu()) job->gpu = free_gpu();
+    const unsigned threads = devices_.threads_each(options_.jobs, options_.threads);
+    job->start(stage_arguments(plan_, i, entries_, out_, folders, threads),
+               job->gpu ? devices_.environment(*job->gpu) : std::vector<std::string>{},
+               [this] { return terminal_ ? outlook() : ""; });
+    event("started", i);
+    working_[i] = true;
+    jobs_.push_back(std::move(job));
+  }
+
+  std::optional<std::size_t> free_gpu() const {
+    std::vector<std::size_t> busy;
+    for (const auto& job : jobs_) {
+      if (job->gpu) busy.push_back(*job->gpu);
+    }
+    return devices_.free_one(busy);
+  }
+
+  void listen() {
+    std::vector<Process*> processes;
+    for (const auto& job : jobs_) processes.push_back(&job->process());
+    // Locks are looked at again before long: nobody calls when they are free.
+    listen_to(processes, std::chrono::milliseconds(waiting_ > 0 ? 20 : 100));
+  }
+
+  void end_what_has_ended() {
+    for (std::size_t j = 0; j < jobs_.size();) {
+      const bool late = options_.timeout_s && jobs_[j]->seconds() > *options_.timeout_s;
+      if (!jobs_[j]->process().ended() && !late) {
+        ++j;
+        continue;
+      }
+      const std::unique_ptr<StageJob> job = std::move(jobs_[j]);
+      jobs_.erase(jobs_.begin() + static_cast<std::ptrdiff_t>(j));
+      log::clear_progress();
+      guarded(job->stage(), [&] { end(*job); });
+    }
+  }
+
+  void end(StageJob& job) {
+    const std::size_t i = job.stage();
+    last_error_ = job.last_error();
+    if (!job.process().ended()) {
+      throw Error(ExitCode::try_again,
+                  {.where = plan_[i].label(),
+                   .found = "did not end within " + duration_text(*options_.timeout_s),
+                   .remedy = "raise --timeout, or give it less to do"});
+    }
+    const ExitCode ended = job.result();
+    Entry entry =
+        store_.publish(job.key.transcript.key(), job.key.transcript.text(), job.work(),
+                       {.stage = plan_[i].name(), .exit = ended, .inputs = job.key.inputs});
+    if (const std::string& reason = entry.manifest.uncacheable; !reason.empty()) {
+      log::warn("{}: not kept for later runs: {}", plan_[i].label(), reason);
+    }
+    if (job.earlier) compare(*job.earlier, entry);
+    made_.insert(job.key.transcript.key());
+    finish(i, std::move(entry), true);
+    store_.digests().save_now_and_then();
   }
 
   // Equal keys must give equal outputs, or a cached result would be one among several.
@@ -214,177 +218,180 @@ class Runner {
     if (!same) log::warn("{}: another result than before for equal input", now.manifest.stage);
   }
 
-  // How the stage ended, of the ends that leave a result.
-  ExitCode run_program(std::size_t i, const fs::path& work) {
-    const std::string stage = plan_[i].label();
-    bool said_why = false;
-    const ProcessEnd end = run_process(arguments(i, work), [&](std::string_view line) {
-      said_why = show_stage_line(stage, line) || said_why;
-    });
-    log::clear_progress();
-    const auto fail = [&](ExitCode code, const std::string& found, const std::string& remedy) {
-      if (said_why) return Error(code, {});
-      return Error(code, {.where = stage, .found = found, .remedy = remedy});
-    };
-    if (end.signal == SIGKILL) {
-      throw fail(ExitCode::try_again, "was killed", "perhaps memory ran out: free some, run again");
-    }
-    if (end.signal == SIGINT || end.signal == SIGTERM) {
-      throw fail(ExitCode::interrupted, "was interrupted", "run again to go on from there");
-    }
-    if (end.signal != 0) {
-      throw fail(ExitCode::internal, fmt::format("ended by signal {}", end.signal),
-                 "this is a defect of the stage");
-    }
-    switch (static_cast<ExitCode>(end.exit_code)) {
-      case ExitCode::ok:
-      case ExitCode::gate_failed:
-      case ExitCode::diverged:
-        return static_cast<ExitCode>(end.exit_code);
-      case ExitCode::internal:
-      case ExitCode::usage:
-      case ExitCode::bad_config:
-      case ExitCode::bad_input:
-      case ExitCode::device_unavailable:
-      case ExitCode::try_again:
-      case ExitCode::interrupted:
-        throw fail(static_cast<ExitCode>(end.exit_code),
-                   fmt::format("exit code {} without a message", end.exit_code), "");
-    }
-    throw fail(ExitCode::internal, fmt::format("exit code {}", end.exit_code),
-               "this is a defect of the stage");
-  }
-
-  std::vector<std::string> arguments(std::size_t i, const fs::path& work) const {
-    const PlannedStage& stage = plan_[i];
-    std::vector<std::string> all = {
-        stage.program.executable.string(), "run", "--log", "json", "--out", work.string()};
-    const auto add = [&all](const char* option, const std::string& name, const std::string& value) {
-      all.push_back(option);
-      all.push_back(name + "=" + value);
-    };
-    for (const auto& input : stage.inputs) {
-      const std::string& role = input.role.role;
-      for (const auto& file : input.files) add("--in", role, file.string());
-      for (const std::size_t producer : input.producers) {
-        if (!produced(input, producer)) continue;
-        add("--in", role, (folder_of(producer) / plan_[producer].name() / input.produced_file));
+  // A stage that is not wanted. With --only what lies in the folder is taken for its result.
+  void pass_over(std::size_t i) {
+    if (!options_.only.empty()) {
+      const RunRecord& record = folders_.record(i);
+      const auto* finished = record.finished(plan_[i].name());
+      if (const auto* failure = record.failure(plan_[i].name())) {
+        failures_[i] = *failure;
+      } else if (finished) {
+        entries_[i] = store_.find(finished->key).entry;
       }
     }
-    for (const auto& param : stage.program.info.params) {
-      const Json& value = stage.params.at(param.name);
-      const bool has_unit = value.is_number() && param.unit != "1";
-      if (!value.is_null()) add("--set", param.name, value.dump() + (has_unit ? param.unit : ""));
-    }
-    return all;
+    settle(i);
   }
 
-  void lay_out(std::size_t i, const KeyTranscript& transcript) {
-    const fs::path folder = folder_of(i);
-    store_.materialise(*entries_[i], folder / plan_[i].name());
-    if (ends_folder(i)) {
-      for (const auto& output : entries_[i]->manifest.outputs) {
-        store_.place(output, folder / output.path);
-      }
-    }
-    record_->set(plan_[i].name(), transcript.text());
-    record_->save();
+  void skip(std::size_t i) {
+    rows_[i].state = "skipped";
+    settle(i);
+    if (options_.only.empty()) return;
+    throw Error(ExitCode::usage, {.where = plan_[i].label(),
+                                  .field = "--only",
+                                  .found = "no result of " + missing_producers(plan_, i, entries_) +
+                                           " in " + folders_.of(i).string(),
+                                  .remedy = "run these first, or --until " + plan_[i].name()});
   }
 
-  void note_result(std::size_t i, bool ran) {
+  // False while another run writes to the folder, or so many are open that this one is to wait.
+  bool enter(std::size_t i) {
+    if (!folders_.may_open(i)) return false;
+    std::string held_by;
+    if (folders_.open(i, held_by)) return true;
+    wait(i, held_by);
+    return false;
+  }
+
+  void wait(std::size_t i, const std::string& held_by) {
+    ++waiting_;
+    if (!told_[i]) log::info("waits for {}", held_by);
+    told_[i] = true;
+  }
+
+  const StageKey& key_of_stage(std::size_t i) {
+    if (keys_.count(i)) return *keys_[i];
+    name_cases(plan_, i, entries_);
+    for (auto& input : plan_[i].inputs) {
+      if (!input.from_engine) continue;
+      input.engine_text = case_report(spec_, plan_, entries_, failures_);
+      write_atomically(out_ / engine_file, input.engine_text);
+    }
+    keys_[i] = key_of(plan_[i], entries_, store_.digests());
+    return *keys_[i];
+  }
+
+  bool at_work(const std::string& key) const {
+    return std::ranges::any_of(
+        jobs_, [&key](const auto& job) { return job->key.transcript.key() == key; });
+  }
+
+  void finish(std::size_t i, Entry entry, bool ran) {
+    entries_[i] = std::move(entry);
     const Manifest& manifest = entries_[i]->manifest;
-    rows_.push_back({.stage = plan_[i].label(),
-                     .state = ran ? "ran" : "cached",
-                     .has_figures = true,
-                     .diverged = manifest.exit == ExitCode::diverged,
-                     .wall_s = manifest.wall_s,
-                     .max_rss_mb = manifest.max_rss_mb,
-                     .gates = manifest.gates});
+    folders_.lay_out(i, *entries_[i], store_, keys_[i]->transcript.text());
+    rows_[i] = {.stage = plan_[i].label(),
+                .state = ran ? "ran" : "cached",
+                .has_figures = true,
+                .diverged = manifest.exit == ExitCode::diverged,
+                .wall_s = manifest.wall_s,
+                .max_rss_mb = manifest.max_rss_mb,
+                .gates = manifest.gates};
     if (!ran && manifest.exit != ExitCode::ok) {
       log::error("{}: {} (cached)", plan_[i].label(), manifest.message);
     }
     worst_ = std::max(worst_, manifest.exit);
+    event(ran ? "ran" : "cached", i, manifest.exit, manifest.message);
+    settle(i);
+    const bool many = !plan_.front().case_name.empty();
+    if (ran && many && !terminal_) log::info("{}: ended; {}", plan_[i].label(), outlook());
   }
 
-  std::string why(std::size_t i, const KeyTranscript& transcript, const std::string& damage) const {
-    if (forced_[i]) return "asked for with --from " + options_.from;
-    if (!damage.empty()) return damage;
-    const RunRecord record = record_of(i);
-    const std::string* before = record.transcript(plan_[i].name());
-    if (!before) return "first run";
-    if (*before == transcript.text()) return "its result is not in the cache";
-    std::vector<std::string> produced_roles;
-    for (const auto& input : plan_[i].inputs) {
-      if (!input.producers.empty()) produced_roles.push_back(input.role.role);
+  void fail(std::size_t i, const Error& error) {
+    const std::string message = *error.what() ? error.what() : last_error_;
+    last_error_.clear();
+    rows_[i].state = "failed";
+    failures_[i] = {error.code(), message};
+    if (folders_.is_open(i)) folders_.note_failure(i, *failures_[i]);
+    event("failed", i, error.code(), message);
+    if (*error.what() && (options_.spec.keep_going || failure_)) {
+      log::error("{}: {}", plan_[i].label(), error.what());
     }
-    return explain(*before, transcript.text(), produced_roles);
+    if (!failure_) failure_ = error;
+    settle(i);
   }
 
-  // A dry run enters no folder.
-  RunRecord record_of(std::size_t i) const {
-    return record_ ? *record_ : RunRecord(folder_of(i) / "run.json");
+  void settle(std::size_t i) {
+    if (settled_[i]) return;
+    settled_[i] = true;
+    working_[i] = false;
+    ++settled_count_;
+    keys_.erase(i);
+    folders_.leave(i);
   }
 
-  // Whether the producer wrote the file: one that diverged may not have.
-  bool produced(const PlannedInput& input, std::size_t producer) const {
-    const auto& entry = entries_[producer];
-    if (!entry) return false;
-    return std::ranges::any_of(entry->manifest.outputs, [&input](const auto& file) {
-      return file.path == input.produced_file;
-    });
+  // "3 of 15 stages, about 40 s left"
+  std::string outlook() const {
+    const double left = folders_.seconds_left(settled_) / static_cast<double>(options_.jobs);
+    return fmt::format("{} of {} stages{}", settled_count_, plan_.size(),
+                       left > 0.5 ? ", about " + duration_text(left) + " left" : "");
   }
 
-  bool lacks_input(std::size_t i) const {
-    return std::ranges::any_of(plan_[i].inputs, [this](const PlannedInput& input) {
-      if (input.producers.empty() || !input.role.required) return false;
-      return std::ranges::none_of(input.producers,
-                                  [&](std::size_t producer) { return produced(input, producer); });
-    });
+  void event(const char* what, std::size_t i, ExitCode exit = ExitCode::ok,
+             const std::string& message = "") const {
+    if (!options_.json_events) return;
+    show_event({{"event", what},
+                {"case", plan_[i].case_name},
+                {"stage", plan_[i].name()},
+                {"exit", static_cast<int>(exit)},
+                {"message", message},
+                {"settled", settled_count_},
+                {"stages", plan_.size()}});
   }
 
-  std::string unknown_producers(std::size_t i) const {
-    constexpr std::size_t named = 3;
-    std::string names;
-    std::size_t count = 0;
-    for (const auto& input : plan_[i].inputs) {
-      for (const std::size_t producer : input.producers) {
-        if (entries_[producer] || ++count > named) continue;
-        names += (names.empty() ? "" : ", ") + plan_[producer].label();
-      }
-    }
-    return count > named ? fmt::format("{} and {} more", names, count - named) : names;
-  }
-
+  const bool terminal_ = isatty(STDERR_FILENO);  // elsewhere no bar says how far the run is
   const RunOptions& options_;
-  std::string name_;
+  const Spec& spec_;
   fs::path out_;
   Plan plan_;
   Store& store_;
-  fs::path entered_;
-  std::optional<FileLock> guard_;              // of the folder that we work in
-  std::optional<RunRecord> record_;            // of the same
-  std::vector<std::optional<Entry>> entries_;  // of the stages finished so far
+  RunFolders folders_;
+  Devices devices_;
+  Entries entries_;  // of the stages finished so far
+  Failures failures_;
+  std::vector<bool> settled_;  // will not change any more: finished, failed, skipped or not wanted
+  std::vector<bool> working_;  // has a job
+  std::vector<bool> told_;     // that it waits
   std::vector<bool> wanted_, forced_;
+  std::vector<std::vector<std::size_t>> awaited_;
+  std::map<std::size_t, std::optional<StageKey>> keys_;  // of the stages that have begun
+  std::set<std::string> made_;                           // keys, by this run
+  std::vector<std::unique_ptr<StageJob>> jobs_;
   std::vector<StatusRow> rows_;
+  std::size_t waiting_ = 0, first_ = 0, settled_count_ = 0;
+  std::optional<Error> failure_;  // the first
+  std::string last_error_;        // that a stage wrote
   ExitCode worst_ = ExitCode::ok;
 };
+
+void print_verdicts(const Plan& plan, const Survey& found, const std::vector<bool>& wanted) {
+  for (std::size_t i = 0; i < plan.size(); ++i) {
+    if (wanted[i]) std::cout << plan[i].label() << ": " << found.verdicts[i].words << "\n";
+  }
+  std::cout << std::flush;
+}
 
 }  // namespace
 
 ExitCode run_spec(const RunOptions& options) {
   if (options.quiet) log::set_level(log::Level::warn);
-  const Spec spec = load_spec(options.spec, options.sets);
-  Store store(options.cache, options.dry_run);
-  Catalog catalog(options.programs, store);
-  Plan plan = make_plan(spec, catalog);
+  if (options.json_events) log::set_format(log::Format::json);
+  Spec spec = load_spec(options.spec);
+  Store store(options.places.cache, options.dry_run);
+  Catalog catalog(options.places.programs, store);
+  Plan plan = make_plan(spec, catalog, options.spec.keep_going ? &spec.refused : nullptr);
+  for (const auto& one : spec.refused) log::error("case {}: {}", one.name, one.message);
+  const ExitCode refused = spec.refused.empty() ? ExitCode::ok : spec.refused.front().code;
+  if (plan.empty()) return refused;
   if (options.dry_run) {
-    Runner(options, spec, std::move(plan), store).dry_run();
-    return ExitCode::ok;
+    const Survey found =
+        survey(spec, plan, store, options.places.out / spec.name, forced_by(options, plan));
+    print_verdicts(plan, found, wanted_by(options, plan));
+    return refused;
   }
   Runner runner(options, spec, std::move(plan), store);
   const ExitCode worst = runner.run();
   runner.print();
-  return worst;
+  return refused == ExitCode::ok ? worst : refused;
 }
 
 }  // namespace viscera

@@ -30,7 +30,8 @@ class SpecReader {
  public:
   explicit SpecReader(const fs::path& path) : path_(path) {}
 
-  Spec read(const std::vector<std::string>& overrides) {
+  Spec read(const SpecRequest& request) {
+    const auto& overrides = request.sets;
     const YAML::Node root = load_yaml(path_);
     expect_map(root, "spec", "viscera: 1, vars: and stages:");
     check_keys(root, {"viscera", "vars", "stages", "cases", "sweep", "gather"});
@@ -38,23 +39,64 @@ class SpecReader {
     Spec spec{.path = path_, .name = run_name(root)};
     if (root["vars"]) read_variables(root["vars"]);
     const Variables of_the_spec = variables_;
-    for (const auto& one : read_cases(path_, root["cases"], root["sweep"])) {
+    for (const auto& one : chosen(read_cases(path_, root["cases"], root["sweep"]), request)) {
       variables_ = of_the_spec;
-      for (const auto& setting : one.settings) apply_variable(setting);
-      for (const auto& text : overrides) apply_variable(text);
-      SpecCase made{one.name, read_stages(root, "stages")};
-      for (const auto& setting : one.settings) apply_param(setting, made.stages);
-      spec.cases.push_back(std::move(made));
+      try {
+        spec.cases.push_back(read_case(root, one, overrides));
+      } catch (const Error& e) {
+        if (!request.keep_going || one.name.empty()) throw;
+        spec.refused.push_back({one.name, settings_of(one), e.code(), e.what()});
+      }
     }
     variables_ = of_the_spec;
     for (const auto& text : overrides) apply_variable(text);
     if (root["gather"]) spec.gather = read_stages(root, "gather");
     check_folders(root, spec);
     for (const auto& text : overrides) apply_param(text, spec);
+    if (!request.only_cases.empty()) spec.gather.clear();
     return spec;
   }
 
  private:
+  SpecCase read_case(const YAML::Node& root, const Case& one,
+                     const std::vector<std::string>& overrides) {
+    for (const auto& setting : one.settings) apply_variable(setting);
+    for (const auto& text : overrides) apply_variable(text);
+    SpecCase made{one.name, read_stages(root, "stages"), settings_of(one)};
+    for (const auto& setting : one.settings) apply_param(setting, made.stages);
+    return made;
+  }
+
+  static std::map<std::string, std::string> settings_of(const Case& one) {
+    std::map<std::string, std::string> texts;
+    for (const auto& [name, value, where] : one.settings) {
+      YAML::Emitter flow;
+      flow << YAML::Flow << value;
+      texts[name] = value.IsScalar() ? value.Scalar() : flow.c_str();
+    }
+    return texts;
+  }
+
+  static std::vector<Case> chosen(std::vector<Case> all, const SpecRequest& request) {
+    if (request.only_cases.empty()) return all;
+    std::vector<std::string> names;
+    for (const auto& one : all) {
+      if (!one.name.empty()) names.push_back(one.name);
+    }
+    for (const auto& name : request.only_cases) {
+      if (std::ranges::count(names, name)) continue;
+      throw Error(ExitCode::usage,
+                  {.where = "command line",
+                   .field = "--case",
+                   .found = "no case '" + name + "' in the spec",
+                   .remedy = names.empty() ? "leave it out" : suggest(name, names)});
+    }
+    std::erase_if(all, [&request](const Case& one) {
+      return !std::ranges::count(request.only_cases, one.name);
+    });
+    return all;
+  }
+
   void check_schema(const YAML::Node& root) {
     const YAML::Node schema = root["viscera"];
     if (schema && schema.IsScalar() && schema.Scalar() == "1") return;
@@ -78,7 +120,14 @@ class SpecReader {
 
   std::string plain_value(const YAML::Node& node, const std::string& field) const {
     if (node.IsScalar() && node.Scalar().find("${") == std::string::npos) return node.Scalar();
-    throw fail(node, field, "not a plain value", "a number or text without ${...}");
+    throw not_plain(place_of(path_, node), field);
+  }
+
+  static Error not_plain(const std::string& where, const std::string& field) {
+    return Error(ExitCode::bad_config, {.where = where,
+                                        .field = field,
+                                        .found = "not a plain value",
+                                        .allowed = "a number or text without ${...}"});
   }
 
   static std::pair<std::string, std::string> split(const std::string& assignment) {
@@ -115,7 +164,10 @@ class SpecReader {
   void apply_variable(const CaseSetting& setting) {
     if (names_param(setting.name)) return;
     check_variable(setting.name, setting.where, setting.name);
-    variables_[setting.name] = {.text = plain_value(setting.value, setting.name)};
+    const bool plain =
+        setting.value.IsScalar() && setting.value.Scalar().find("${") == std::string::npos;
+    if (!plain) throw not_plain(setting.where, setting.name);
+    variables_[setting.name] = {.text = setting.value.Scalar()};
   }
 
   // Sets a param in every one of `stages` that is called so; how many these are.
@@ -157,7 +209,7 @@ class SpecReader {
     const Json value = value_from_text(text);
     std::size_t found = set_param(spec.gather, name, value, "command line");
     for (auto& one : spec.cases) found += set_param(one.stages, name, value, "command line");
-    if (found > 0) return;
+    if (found > 0 || spec.cases.empty()) return;
     throw no_such_stage(name, "command line", "--set " + name, spec.cases.front().stages,
                         spec.gather);
   }
@@ -337,8 +389,8 @@ class SpecReader {
 
 }  // namespace
 
-Spec load_spec(const fs::path& path, const std::vector<std::string>& overrides) {
-  return SpecReader(path).read(overrides);
+Spec load_spec(const SpecRequest& request) {
+  return SpecReader(request.path).read(request);
 }
 
 }  // namespace viscera

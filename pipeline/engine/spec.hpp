@@ -16,9 +16,11 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
+#include "pipeline/contract/exit_code.hpp"
 #include "pipeline/contract/param.hpp"
 
 namespace viscera {
@@ -43,20 +45,37 @@ struct SpecStage {
 };
 
 struct SpecCase {
-  std::string name;               // empty: the only one of a spec without cases
-  std::vector<SpecStage> stages;  // in the order written
+  std::string name;                             // empty: the only one of a spec without cases
+  std::vector<SpecStage> stages;                // in the order written
+  std::map<std::string, std::string> settings;  // what makes it this case, as written
+};
+
+// A case that cannot run as it is set up, in a spec whose others can.
+struct RefusedCase {
+  std::string name;
+  std::map<std::string, std::string> settings;
+  ExitCode code = ExitCode::bad_config;
+  std::string message;
 };
 
 struct Spec {
   std::filesystem::path path;
   std::string name;             // of the run: the file's name without .yaml
   std::vector<SpecCase> cases;  // at least one
+  std::vector<RefusedCase> refused;
   std::vector<SpecStage> gather;
 };
 
-// `overrides` are the --set texts: "variable=value" or "stage.param=value"; they have the last word
-// over what a case sets. Throws
-// Error(bad_config) with file:line:column, and the nearest valid name for an unknown one.
-Spec load_spec(const std::filesystem::path& path, const std::vector<std::string>& overrides);
+struct SpecRequest {
+  std::filesystem::path path;
+  std::vector<std::string> sets;        // --set: "variable=value", "stage.param=value"; they have
+                                        // the last word over what a case sets
+  std::vector<std::string> only_cases;  // --case; empty: all. Else nothing is gathered
+  bool keep_going = false;              // errors in single cases go to Spec::refused
+};
+
+// Throws Error(bad_config) with file:line:column, and the nearest valid name for an unknown one;
+// Error(usage) for a case that there is not.
+Spec load_spec(const SpecRequest& request);
 
 }  // namespace viscera

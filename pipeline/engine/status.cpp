@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdio>
 
 #include "pipeline/contract/log.hpp"
 
@@ -36,19 +37,22 @@ std::string gates_text(const StatusRow& row) {
 
 }  // namespace
 
-bool show_stage_line(const std::string& stage, std::string_view line) {
+std::string show_stage_line(const std::string& stage, std::string_view line,
+                            const std::function<std::string()>& progress_note) {
   log::set_name(stage);
   const Json json = Json::parse(line, nullptr, false);
-  bool is_error = false;
+  std::string error;
   try {
     if (json.is_object() && json.contains("progress")) {
+      const std::string detail = json.at("detail").get<std::string>(), note = progress_note();
       log::progress(without_controls(json.at("task").get<std::string>()),
                     json.at("progress").get<double>(),
-                    without_controls(json.at("detail").get<std::string>()));
+                    without_controls(detail) + (detail.empty() || note.empty() ? "" : "; ") + note);
     } else if (json.is_object()) {
       const auto level = level_of(json.at("level"));
-      is_error = level == log::Level::error;
-      log::write(level, without_controls(json.at("message").get<std::string>()));
+      const std::string message = without_controls(json.at("message").get<std::string>());
+      if (level == log::Level::error) error = message;
+      log::write(level, message);
     } else {
       log::write(log::Level::info, without_controls(line));
     }
@@ -56,7 +60,7 @@ bool show_stage_line(const std::string& stage, std::string_view line) {
     log::write(log::Level::info, without_controls(line));
   }
   log::set_name("viscera");
-  return is_error;
+  return error;
 }
 
 std::string status_table(const std::vector<StatusRow>& rows) {
@@ -71,6 +75,32 @@ std::string status_table(const std::vector<StatusRow>& rows) {
                         memory, gates_text(row));
   }
   return text;
+}
+
+std::vector<StatusRow> rows_worth_showing(const std::vector<StatusRow>& rows) {
+  std::vector<StatusRow> shown;
+  for (const auto& row : rows) {
+    const bool fine =
+        row.state == "cached" && !row.diverged &&
+        std::ranges::all_of(row.gates, [](const Gate& gate) { return gate.passed(); });
+    if (!fine) shown.push_back(row);
+  }
+  const std::size_t left_out = rows.size() - shown.size();
+  if (left_out > 0) shown.push_back({.stage = fmt::format("{} more", left_out), .state = "cached"});
+  return shown;
+}
+
+std::string duration_text(double seconds) {
+  const auto whole = static_cast<long>(seconds + 0.5);
+  if (whole < 60) return fmt::format("{} s", whole);
+  const long minutes = (whole + 30) / 60;
+  return minutes < 60 ? fmt::format("{} min", minutes)
+                      : fmt::format("{} h {} min", minutes / 60, minutes % 60);
+}
+
+void show_event(const Json& event) {
+  const std::string line = event.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  std::fwrite(line.data(), 1, line.size(), stderr);
 }
 
 }  // namespace viscera

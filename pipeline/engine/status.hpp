@@ -1,6 +1,7 @@
 // What a run shows: the lines of a stage while it works, and the table at the end.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,8 +11,10 @@
 namespace viscera {
 
 // Shows one line that a stage wrote to stderr under the stage's name: a JSON line as message or
-// progress bar, anything else as it is but for control characters. True when it was an error.
-bool show_stage_line(const std::string& stage, std::string_view line);
+// progress bar, anything else as it is but for control characters. The text of an error; else
+// empty.
+std::string show_stage_line(const std::string& stage, std::string_view line,
+                            const std::function<std::string()>& progress_note);
 
 struct StatusRow {
   std::string stage;
@@ -24,5 +27,14 @@ struct StatusRow {
 
 // One line per stage, ending with a line break.
 std::string status_table(const std::vector<StatusRow>& rows);
+
+// Of a run of many cases those that need a look, and how many others there are.
+std::vector<StatusRow> rows_worth_showing(const std::vector<StatusRow>& rows);
+
+// "40 s", "3 min", "2 h 5 min"
+std::string duration_text(double seconds);
+
+// For programs (--progress jsonl): what happens, as one line of JSON on stderr.
+void show_event(const Json& event);
 
 }  // namespace viscera

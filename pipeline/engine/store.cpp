@@ -64,9 +64,9 @@ void check_inputs(const Manifest& manifest, const std::multimap<std::string, std
 }  // namespace
 
 Store::Store(fs::path folder, bool read_only)
-    : folder_(std::move(folder)), read_only_(read_only), digests_(folder_ / "digests.json") {
+    : folder_(std::move(folder)), read_only_(read_only), digests_(folder_ / "digests.txt") {
   if (read_only_) return;
-  for (const char* part : {"objects", "entries", "locks", "work", "live", "describe"}) {
+  for (const char* part : {"objects", "entries", "locks", "work", "scratch", "live", "describe"}) {
     make_folder(folder_ / part);
   }
   const FileLock use(folder_ / use_lock, "", FileLock::Kind::shared);
@@ -176,6 +176,7 @@ Entry Store::publish(const std::string& key, const std::string& transcript, cons
     write_atomically(entry_file(key), json.dump(1) + "\n");
   }
   fs::remove_all(work);
+  fs::remove_all(folder_ / "scratch" / key);
   return entry;
 }
 
@@ -214,15 +215,16 @@ void Store::place(const FileDigest& output, const fs::path& target) {
   fs::rename(partial, target);
 }
 
-FileLock Store::lock(const std::string& key, const std::string& purpose) const {
-  return FileLock(folder_ / "locks" / key, purpose);
+std::unique_ptr<FileLock> Store::lock(const std::string& key, const std::string& purpose,
+                                      std::string& held_by) const {
+  return FileLock::attempt(folder_ / "locks" / key, purpose, held_by);
 }
 
-fs::path Store::fresh_work_folder(const std::string& key) const {
+WorkFolders Store::work_folders(const std::string& key) const {
   const fs::path work = folder_ / "work" / key;
   fs::remove_all(work);
   make_folder(work);
-  return work;
+  return {work, folder_ / "scratch" / key};
 }
 
 // What killed runs left behind, told by a lock that nobody holds.

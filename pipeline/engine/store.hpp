@@ -5,9 +5,11 @@
 //                         the objects; published last, so that a killed run leaves none
 //   locks/<key>           held while that key is being computed
 //   work/<key>/           where the stage of that key writes; swept when nobody holds its lock
+//   scratch/<key>/        what an interrupted stage of that key left to go on from; gone with its
+//                         result, or with gc
 //   live/<process>-<n>    held by a run while it lives: what it took or made, which gc leaves alone
 //   use.lock              shared by runs while they take or make a result, held alone by gc
-//   digests.json, describe/*.json   remembered file digests and stage declarations
+//   digests.txt, describe/*.json   remembered file digests and stage declarations
 //
 // Every file appears by a rename within its folder. Nothing is served that was not verified: sizes
 // always, content whenever a file's stat differs from the remembered one.
@@ -33,6 +35,11 @@ struct Entry {
 struct Lookup {
   std::optional<Entry> entry;
   std::string damage;  // why an existing entry cannot be served; empty when there was none
+};
+
+struct WorkFolders {
+  std::filesystem::path work;     // fresh, for what the stage writes
+  std::filesystem::path scratch;  // perhaps not there
 };
 
 inline constexpr const char* use_lock = "use.lock";
@@ -66,8 +73,10 @@ class Store {
   // One output of the entry as `target`.
   void place(const FileDigest& output, const std::filesystem::path& target);
 
-  FileLock lock(const std::string& key, const std::string& purpose) const;
-  std::filesystem::path fresh_work_folder(const std::string& key) const;  // hold the key's lock
+  // Null while another process computes that key, which `held_by` then names.
+  std::unique_ptr<FileLock> lock(const std::string& key, const std::string& purpose,
+                                 std::string& held_by) const;
+  WorkFolders work_folders(const std::string& key) const;  // hold the key's lock
 
   // The entry as it stands, whether or not its objects are there.
   Lookup read_entry(const std::string& key) const;

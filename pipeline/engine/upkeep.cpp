@@ -148,7 +148,7 @@ class Collector {
         if (entry.is_regular_file() && half_written(entry.path())) remove(entry.path());
       }
     }
-    for (const char* folder : {"locks", "work"}) {
+    for (const char* folder : {"locks", "work", "scratch"}) {
       for (const auto& entry : fs::directory_iterator(options_.cache / folder))
         remove(entry.path());
     }
@@ -235,7 +235,7 @@ ExitCode verify_store(const fs::path& cache) {
                                : fmt::format("{} damaged, {} incomplete", damaged, incomplete))
             << std::endl;
   if (damaged + incomplete == 0) return ExitCode::ok;
-  fs::remove(cache / "digests.json");  // what is remembered of files that are links to them
+  fs::remove(cache / "digests.txt");  // what is remembered of files that are links to them
   return ExitCode::bad_input;
 }
 

@@ -53,7 +53,7 @@ namespace {
 struct CommandLine {
   std::string verb = "run";
   std::vector<std::string> in, set;
-  std::string out;
+  std::string out, scratch;
   std::string log_format = "text";
   bool quiet = false;
 };
@@ -202,6 +202,7 @@ class StageProgram {
     if (stage_.check) stage_.check(run);
     const TemporaryFolder work(line.out);  // a refused input or param makes no folder
     run.out_ = work.path();
+    run.scratch_ = line.scratch;
 
     Manifest manifest{.stage = info.name, .version = info.version, .params = run.params()};
     manifest.inputs = digests_of(inputs);
@@ -291,6 +292,8 @@ int stage_main(int argc, char** argv, const Stage& stage) {
   app.add_option("--in", line.in, "ROLE=FILE, repeatable")->allow_extra_args(false);
   app.add_option("--set", line.set, "PARAM=VALUE, repeatable")->allow_extra_args(false);
   app.add_option("--out", line.out, "folder for the outputs");
+  app.add_option("--scratch", line.scratch,
+                 "folder that an interrupted run leaves for an equal one to go on from");
   app.add_option("--log", line.log_format, "text or json lines on stderr")
       ->check(CLI::IsMember({"text", "json"}));
   app.add_flag("--quiet", line.quiet, "warnings and errors only");

@@ -39,6 +39,10 @@ class StageRun {
 
   std::filesystem::path out(const std::string& file) const { return out_ / file; }
 
+  // A folder that outlives this run when it is interrupted, and that the next run of the same stage
+  // on the same inputs and params is given: for what it can go on from. Empty: there is none.
+  const std::filesystem::path& scratch() const { return scratch_; }
+
   // What the manifest will say.
   void metric(std::string name, Json value, std::string unit = "1");
   // A figure that differs between equal runs (times, rates): shown, but no reason for later stages
@@ -61,7 +65,7 @@ class StageRun {
   friend class StageProgram;
   Json params_;
   std::multimap<std::string, std::filesystem::path> inputs_;
-  std::filesystem::path out_;
+  std::filesystem::path out_, scratch_;
   std::vector<Metric> metrics_;
   std::vector<Gate> gates_;
   std::string device_ = "cpu";

@@ -109,7 +109,7 @@ void make_report(StageRun& run) {
   write_atomically(run.out("report.html"), page);
   write_atomically(run.out("summary.json"),
                    summary_of(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
-  run.metric("page_size", static_cast<double>(page.size()) / 1e6, "MB");
+  run.machine_metric("page_size", static_cast<double>(page.size()) / 1e6, "MB");
   run.metric("gates_passed", report["verdict"]["gates_passed"]);
   run.metric("gates_failed", report["verdict"]["gates_failed"]);
   if (report["viewer"].is_null()) return;

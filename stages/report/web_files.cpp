@@ -26,6 +26,8 @@ VISCERA_WEB_FILE(compare_html);
 VISCERA_WEB_FILE(overlay_js);
 VISCERA_WEB_FILE(study_charts_js);
 VISCERA_WEB_FILE(compare_js);
+VISCERA_WEB_FILE(cohort_html);
+VISCERA_WEB_FILE(cohort_js);
 
 #define VISCERA_WEB_VIEW(name) \
   std::string_view(viscera_web_##name, viscera_web_##name##_end - viscera_web_##name)
@@ -72,6 +74,15 @@ std::string_view compare_skeleton() {
 std::vector<std::string_view> compare_scripts() {
   return with_common({VISCERA_WEB_VIEW(overlay_js), VISCERA_WEB_VIEW(study_charts_js),
                       VISCERA_WEB_VIEW(compare_js)});
+}
+
+std::string_view cohort_skeleton() {
+  return VISCERA_WEB_VIEW(cohort_html);
+}
+
+std::vector<std::string_view> cohort_scripts() {
+  return {VISCERA_WEB_VIEW(chart_min_js), VISCERA_WEB_VIEW(format_js), VISCERA_WEB_VIEW(charts_js),
+          VISCERA_WEB_VIEW(page_js), VISCERA_WEB_VIEW(cohort_js)};
 }
 
 }  // namespace viscera::web

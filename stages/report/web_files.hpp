@@ -14,4 +14,7 @@ std::vector<std::string_view> scripts();  // in the order in which they must run
 std::string_view compare_skeleton();  // compare.html, with the same style
 std::vector<std::string_view> compare_scripts();
 
+std::string_view cohort_skeleton();  // cohort.html: no 3D view, so without three.js
+std::vector<std::string_view> cohort_scripts();
+
 }  // namespace viscera::web

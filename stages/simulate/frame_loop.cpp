@@ -1,5 +1,6 @@
 #include "stages/simulate/frame_loop.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 
@@ -36,24 +37,35 @@ std::string why_diverged(const sim::State& state, const sim::Diagnostics& now, d
 
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                    const Schedule& schedule,
-                   const std::function<void(const Frame&, const sim::State&)>& keep) {
-  Outcome outcome;
+                   const std::function<void(const Frame&, const sim::State&)>& keep,
+                   const std::function<void(const Outcome&)>& kept, Outcome start) {
+  Outcome outcome = std::move(start);
+  const bool resumed = !outcome.frames.empty();
+  if (resumed) solver.set_state(outcome.last);
   const double size = model.size(), frame_s = scene.time.frame_s;
   const int last_frame = static_cast<int>(std::ceil(scene.time.end_s / frame_s - 1e-9));
-  double most_elastic = -1.0, still_since = -1.0;
-  const int first_frame = static_cast<int>(solver.state().step / scene.time.substeps);
+  double most_elastic = -1.0;
+  for (const auto& frame : outcome.frames) most_elastic = std::max(most_elastic, frame.now.elastic);
+  const int first_frame = resumed ? outcome.frames.back().index + 1
+                                  : static_cast<int>(solver.state().step / scene.time.substeps);
   std::size_t setting = 0;
+  if (resumed) setting = schedule.at((first_frame - 2) * frame_s);
+  if (setting != 0) {
+    schedule.set(setting, model, scene);
+    solver.retune(model, scene);
+  }
   for (int index = first_frame; index <= last_frame; ++index) {
+    const bool begins = outcome.frames.empty();
     if (const auto next = schedule.at((index - 1) * frame_s); next != setting) {
       setting = next;
       schedule.set(setting, model, scene);
       solver.retune(model, scene);
-      still_since = -1.0;
+      outcome.still_since_s = -1.0;
       log::info("t {:.3f} s: the schedule's change {}", (index - 1) * frame_s, setting);
     }
     double step_s = 0.0;
     try {
-      if (index > first_frame) timed(step_s, [&] { solver.advance_frame(); });
+      if (!begins) timed(step_s, [&] { solver.advance_frame(); });
     } catch (const sim::Diverged& diverged) {
       outcome.divergence = diverged.what();
       break;
@@ -70,18 +82,19 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     timed(aside.writing, [&] { keep(frame, state); });
 
     if (frame.contacts > 0 && outcome.contact_time_s < 0.0) outcome.contact_time_s = frame.time_s;
-    const bool still = index > first_frame && frame.now.max_speed < scene.rest.speed;
-    if (!still) still_since = -1.0;
-    if (still && still_since < 0.0) still_since = frame.time_s;
+    const bool still = !begins && frame.now.max_speed < scene.rest.speed;
+    if (!still) outcome.still_since_s = -1.0;
+    if (still && outcome.still_since_s < 0.0) outcome.still_since_s = frame.time_s;
     if (frame.now.elastic > most_elastic) {
       most_elastic = frame.now.elastic;
       outcome.most_deformed = state;
     }
     outcome.frames.push_back(frame);
     outcome.last = std::move(state);
-    outcome.rested = still && frame.time_s - still_since >= scene.rest.hold_s - 1e-9 &&
+    outcome.rested = still && frame.time_s - outcome.still_since_s >= scene.rest.hold_s - 1e-9 &&
                      setting + 1 == schedule.count();
-    if (outcome.rested) outcome.rest_time_s = still_since;
+    if (outcome.rested) outcome.rest_time_s = outcome.still_since_s;
+    if (kept) kept(outcome);
     log::progress("simulating", outcome.rested ? 1.0 : frame.time_s / scene.time.end_s,
                   fmt::format("t {:.2f} s, speed {:.1f} mm/s, {:.1f} ms a frame", frame.time_s,
                               1e3 * frame.now.max_speed, frame.step_ms));

@@ -31,6 +31,7 @@ struct Outcome {
   std::vector<Frame> frames;  // the first is the start
   bool rested = false;
   double contact_time_s = -1.0;  // first contact; negative: none
+  double still_since_s = -1.0;   // slower than the scene's rest since; negative: moving
   double rest_time_s = -1.0;     // when the body came to rest; negative: it did not
   std::string divergence;        // empty: none
   std::vector<std::pair<std::string, double>> seconds;  // of the solver, by effect
@@ -39,10 +40,12 @@ struct Outcome {
   sim::State most_deformed;  // where the elastic energy was greatest
 };
 
-// `keep` is called for every good frame, the first included. Body and scene, with which the solver
-// was made, go through the schedule from its start on.
+// `keep` is called for every good frame, the first included, `kept` after it with all so far. Body
+// and scene, with which the solver was made, go through the schedule from its start on. `start`
+// holds what an interrupted run had reached; empty: the run begins with the solver's state.
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                    const Schedule& schedule,
-                   const std::function<void(const Frame&, const sim::State&)>& keep);
+                   const std::function<void(const Frame&, const sim::State&)>& keep,
+                   const std::function<void(const Outcome&)>& kept = {}, Outcome start = {});
 
 }  // namespace viscera

@@ -21,6 +21,7 @@
 #include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/frame_loop.hpp"
 #include "stages/simulate/outcome_report.hpp"
+#include "stages/simulate/resume.hpp"
 #include "stages/simulate/scene_file.hpp"
 #include "stages/simulate/schedule.hpp"
 #include "stages/simulate/solver_choice.hpp"
@@ -231,11 +232,24 @@ void simulate(StageRun& run) {
   }
   TrajectoryWriter trajectory(run.out(""), mesh);
   MetricsFile metrics(run.out("metrics.csv"));
-  const Outcome outcome = run_frames(*solver, model, file.scene, schedule,
-                                     [&](const Frame& frame, const sim::State& state) {
-                                       trajectory.append(frame.time_s, positions_mm(model, state));
-                                       metrics.add(frame);
-                                     });
+  Resume resume(run, model.vertex_count(), file.scene.time);
+  Outcome start = resume.find().value_or(Outcome{});
+  for (std::size_t i = 0; i < start.frames.size(); ++i) {
+    trajectory.append(start.frames[i].time_s, resume.positions(i));
+    metrics.add(start.frames[i]);
+  }
+  if (!start.frames.empty()) {
+    log::info("goes on at t {:.3f} s, where it was interrupted", start.frames.back().time_s);
+  }
+  const Outcome outcome = run_frames(
+      *solver, model, file.scene, schedule,
+      [&](const Frame& frame, const sim::State& state) {
+        const std::vector<float> positions = positions_mm(model, state);
+        trajectory.append(frame.time_s, positions);
+        metrics.add(frame);
+        resume.add(positions);
+      },
+      [&](const Outcome& so_far) { resume.note(so_far); }, std::move(start));
   trajectory.finish();
   write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s());
   metrics.close(run.out("metrics.csv"));

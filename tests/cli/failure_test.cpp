@@ -128,6 +128,20 @@ TEST(Interrupt, AKilledEngineTakesItsStageWithItAndTheNextRunGoesOn) {
   EXPECT_TRUE(fs::is_empty(work.path("out/.cache/work")));  // what was left has been swept
 }
 
+TEST(Scratch, OfAnInterruptedStageIsGivenToTheNextEqualRunAndGoesWithItsResult) {
+  const Workplace work;
+  const std::vector<std::string> half = {"FAKE_beta=half"};
+  EXPECT_EQ(work.run({}, half).exit, 75);
+  EXPECT_EQ(work.run({"--set", "beta.size=5mm"}, half).exit, 75) << "that of another key";
+  const auto next = work.run({}, half);
+  EXPECT_EQ(next.exit, 0) << next.errors;
+  EXPECT_TRUE(contains(next.errors, "goes on from its half")) << next.errors;
+  const auto left = fs::directory_iterator(work.path("out/.cache/scratch"));
+  EXPECT_EQ(std::distance(begin(left), end(left)), 1) << "the other's";
+  EXPECT_EQ(work.viscera({"gc"}).exit, 0);
+  EXPECT_TRUE(fs::is_empty(work.path("out/.cache/scratch")));
+}
+
 TEST(TwoEngines, RunEachStageOnceAndOneSaysWhomItWaitsFor) {
   for (const char* second_out : {"out", "other"}) {  // the run's lock, and the key's lock
     const Workplace work;

@@ -39,14 +39,15 @@ Param size_param() {
 
 // volume -> alpha -> (role a) -> beta -> (role b) -> gamma -> page; gamma reads a and b's manifest
 // as well. echo reads b alone. refit writes b and may read b from a file. delta writes role a too.
-// loop_one and loop_two feed one another. many reads every e and names the cases.
+// loop_one and loop_two feed one another. many reads every e and names the cases; census reads what
+// the engine says of them. device may use a GPU.
 StageInfo declare(const std::string& name) {
   StageInfo info{.name = name, .version = "1", .doc = "a fake stage"};
   info.params = {{.name = "text", .fallback = "hello", .doc = "copied to the output"},
                  {.name = "threads",
                   .type = ParamType::integer,
                   .fallback = 1,
-                  .lo = 1.0,
+                  .lo = 0.0,
                   .doc = "changes nothing",
                   .in_key = false}};
   const auto feed = [&info](const char* from, const char* to) {
@@ -63,6 +64,12 @@ StageInfo declare(const std::string& name) {
                            .type = ParamType::list,
                            .fallback = Json::array(),
                            .doc = "names of the cases"});
+  }
+  if (name == "census") feed("runs", "census");
+  if (name == "device") {
+    feed("volume", "device");
+    info.params.push_back(
+        {.name = "device", .fallback = "auto", .choices = {"auto", "cpu", "cuda"}, .doc = "a GPU"});
   }
   if (name == "loop_one") feed("c", "d");
   if (name == "loop_two") feed("d", "c");
@@ -126,6 +133,24 @@ void leave_behind() {
   _exit(0);
 }
 
+// Ends when another stage is at work at the same time, or fails after a while.
+void meet() {
+  std::ofstream("met.log", std::ios::app) << getpid() << "\n";
+  for (int turn = 0; turn < 600; ++turn) {
+    if (read_file("met.log").find('\n') + 1 < read_file("met.log").size()) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  throw Error(ExitCode::internal, {.found = "nobody else was at work"});
+}
+
+// Leaves the first half of its work for an equal run, and fails; with it, goes on.
+void work_by_halves(const std::filesystem::path& scratch) {
+  if (std::filesystem::exists(scratch / "half")) return log::info("goes on from its half");
+  std::filesystem::create_directories(scratch);
+  std::ofstream(scratch / "half") << "half\n";
+  throw Error(ExitCode::try_again, {.found = "half done"});
+}
+
 void misbehave(const StageInfo& info, const std::string& how, const StageRun& run) {
   if (how.starts_with("lie_")) lie(info, run, how);
   if (how == "orphan") leave_behind();
@@ -134,6 +159,11 @@ void misbehave(const StageInfo& info, const std::string& how, const StageRun& ru
     std::cout << std::string(20'000'000, 'x');
   }
   if (how == "tamper") std::ofstream("out/spec/alpha/alpha.txt", std::ios::app) << "tampered\n";
+  if (how == "half") work_by_halves(run.scratch());
+  if (how == "gpu_log")
+    std::ofstream("gpu.log", std::ios::app) << environment("CUDA_VISIBLE_DEVICES") << "\n";
+  if (how == "fail_first" && run.param<std::string>("text") == "a")
+    throw Error(ExitCode::bad_input, {.where = "volume.txt", .found = "too odd"});
   if (how == "fail") throw Error(ExitCode::bad_input, {.where = "volume.txt", .found = "too odd"});
   if (how == "crash") std::raise(SIGABRT);
   if (how == "killed") std::raise(SIGKILL);
@@ -143,6 +173,7 @@ void misbehave(const StageInfo& info, const std::string& how, const StageRun& ru
   if (how == "garbage") std::cerr << "\x1b[31mnot json\n{\"level\": 3}\n[1, 2]\n{\n";
   if (how == "garbage") std::cout << std::string(100000, 'x');
   if (how == "spoil") std::ofstream(run.input("volume"), std::ios::app) << "more\n";
+  if (how == "together") meet();
   if (how == "slow") std::this_thread::sleep_for(std::chrono::milliseconds(300));
   while (how == "hang") {
     log::check_interrupt();
@@ -153,6 +184,8 @@ void misbehave(const StageInfo& info, const std::string& how, const StageRun& ru
 void work(const std::string& name, StageRun& run) {
   misbehave(declare(name), environment("FAKE_" + name), run);
   log::progress("working", 0.5);
+  if (run.param<std::string>("text") == "fail")
+    throw Error(ExitCode::bad_input, {.where = "volume.txt", .found = "text fail"});
   std::string text = run.param<std::string>("text") + "\n";
   if (name == "many") {
     text = run.param<std::string>("text") + " " + run.params().at("cases").dump() + "\n";

@@ -53,8 +53,8 @@ Workplace::Workplace() : folder_(fs::temp_directory_path()) {
   fs::create_directory(path("bin"));
   const fs::path built = VISCERA_BIN;
   link_or_copy(built / "viscera", path("bin/viscera"));
-  for (const char* stage :
-       {"alpha", "beta", "gamma", "delta", "echo", "refit", "many", "loop_one", "loop_two"}) {
+  for (const char* stage : {"alpha", "beta", "gamma", "delta", "echo", "refit", "many", "census",
+                            "device", "loop_one", "loop_two"}) {
     link_or_copy(built / "fake_stage", path(std::string("bin/viscera-") + stage));
   }
   for (int s = 1; s <= 6; ++s)

@@ -61,7 +61,9 @@ std::vector<Include> all_includes() {
 // What a file may include from this repository, by the room it stands in.
 std::vector<std::string> may_include(const std::string& file) {
   if (file.starts_with("pipeline/contract/")) return {"pipeline/contract/"};
-  if (file.starts_with("pipeline/")) return {"pipeline/contract/", "pipeline/engine/"};
+  if (file.starts_with("pipeline/engine/")) return {"pipeline/contract/", "pipeline/engine/"};
+  if (file.starts_with("pipeline/schema/")) return {"pipeline/contract/", "pipeline/schema/"};
+  if (file.starts_with("pipeline/")) return {"pipeline/"};
   if (file.starts_with("sim/")) return {"sim/"};
   if (file.starts_with("sample_data/")) {
     return {"sample_data/", "stages/common/", "pipeline/contract/"};

@@ -41,10 +41,8 @@ class Simulate : public testing::Test {
 
   fs::path path(const std::string& name) const { return folder_.path() / name; }
 
-  // Exit code of `viscera-simulate` with this scene; its messages are in `errors`.
-  int run(const std::string& scene, std::vector<std::string> extra = {},
-          const std::string& out = "out") {
-    write_atomically(path("scene.yaml"), scene);
+  std::vector<std::string> command_line(const std::vector<std::string>& extra,
+                                        const std::string& out) const {
     std::vector<std::string> words = {"viscera-simulate",
                                       "--in",
                                       "mesh=" + path("mesh.vtu").string(),
@@ -55,6 +53,14 @@ class Simulate : public testing::Test {
                                       "--out",
                                       path(out).string()};
     words.insert(words.end(), extra.begin(), extra.end());
+    return words;
+  }
+
+  // Exit code of `viscera-simulate` with this scene; its messages are in `errors`.
+  int run(const std::string& scene, std::vector<std::string> extra = {},
+          const std::string& out = "out") {
+    write_atomically(path("scene.yaml"), scene);
+    std::vector<std::string> words = command_line(extra, out);
     std::vector<char*> argv;
     for (auto& word : words) argv.push_back(word.data());
     testing::internal::CaptureStderr();

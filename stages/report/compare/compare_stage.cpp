@@ -239,7 +239,7 @@ void compare(StageRun& run) {
                                        run.param<std::string>("title"), report);
   write_atomically(run.out("compare.html"), page);
   run.metric("runs", runs.size());
-  run.metric("page_size", static_cast<double>(page.size()) / 1e6, "MB");
+  run.machine_metric("page_size", static_cast<double>(page.size()) / 1e6, "MB");
 }
 
 }  // namespace

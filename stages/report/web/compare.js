@@ -2,21 +2,12 @@
 "use strict";
 
 (function () {
-  const {element, number, quantity} = viscera;
+  const {element, number, quantity, fillTable} = viscera;
   const charts = [], timeCharts = [];
   let overlay = null, time = 0, last = 0, playing = false;
   const page = viscera.openPage(charts, () => { if (overlay) overlay.theme(); });
   const {report, asked} = page;
 
-  // `rows`: [{cells: [text or [text, class]], failed}]
-  function fillTable(id, headings, rows) {
-    const table = typeof id === "string" ? byId(id) : id;
-    const head = element("tr", {}, ...headings.map((h, i) =>
-      element("th", {scope: "col", class: i === 0 ? undefined : "number"}, h)));
-    table.append(element("thead", {}, head), element("tbody", {}, ...rows.map(row =>
-      element("tr", {class: row.failed ? "failed" : undefined}, ...row.cells.map((cell, i) =>
-        element(i === 0 ? "th" : "td", {class: i === 0 ? undefined : "number"}, cell))))));
-  }
   const orNone = (value, unit) => value === null ? "–" : quantity(value, unit);
 
   function showAnswers() {

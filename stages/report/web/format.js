@@ -69,6 +69,18 @@ viscera.seconds = function (s) {
   return Math.floor(s / 60) + "\u00a0min " + Math.round(s % 60) + "\u00a0s";
 };
 
+// Into a table, or that with this id. `rows`: [{cells: [text or node], failed}]; `numeric`: all
+// columns but the first hold numbers.
+viscera.fillTable = function (id, headings, rows, numeric = true) {
+  const table = typeof id === "string" ? byId(id) : id;
+  const kind = i => numeric && i > 0 ? "number" : undefined;
+  const head = viscera.element("tr", {}, ...headings.map((heading, i) =>
+    viscera.element("th", {scope: "col", class: kind(i)}, heading)));
+  table.append(viscera.element("thead", {}, head), viscera.element("tbody", {}, ...rows.map(row =>
+    viscera.element("tr", {class: row.failed ? "failed" : undefined}, ...row.cells.map((cell, i) =>
+      viscera.element(i === 0 ? "th" : "td", {class: kind(i)}, cell))))));
+};
+
 // The largest label takes a muted tissue colour; the others are Okabe and Ito's, told apart by
 // colour-blind readers too. `labels` as in viewer.labels.
 viscera.labelColours = function (labels) {

@@ -1,0 +1,120 @@
+// A simulation that is interrupted goes on from where it was, to the same bits.
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <ctime>
+#include <thread>
+
+#include "tests/simulate/simulate_run.hpp"
+
+namespace viscera {
+namespace {
+
+class Resumed : public Simulate {
+ protected:
+  // Runs viscera-simulate and interrupts it when it has worked half as long as the run that took
+  // `whole_s`, by the processor's time. (A fork without exec would lack the libraries' threads.)
+  void interrupt(const std::vector<std::string>& extra, double whole_s) {
+    std::vector<std::string> words = command_line(with_scratch(extra), "broken");
+    words[0] = VISCERA_SIMULATE;
+    std::vector<char*> arguments;
+    for (auto& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    const pid_t process = fork();
+    if (process == 0) {
+      dup2(open(path("said").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666), STDERR_FILENO);
+      execv(arguments[0], arguments.data());
+      _exit(127);
+    }
+    clockid_t clock = 0;
+    clock_getcpuclockid(process, &clock);
+    const auto enough_ns = static_cast<std::int64_t>(0.5e9 * whole_s);
+    timespec worked{};
+    siginfo_t ended{};
+    while (waitid(P_PID, static_cast<id_t>(process), &ended, WEXITED | WNOHANG | WNOWAIT) == 0 &&
+           ended.si_pid == 0 && clock_gettime(clock, &worked) == 0 &&
+           worked.tv_nsec + worked.tv_sec * 1'000'000'000 < enough_ns)
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    kill(process, SIGTERM);
+    int status = 0;
+    waitpid(process, &status, 0);
+    ASSERT_TRUE(WIFEXITED(status));
+    ASSERT_EQ(WEXITSTATUS(status), 130) << read_file(path("said"));
+    EXPECT_FALSE(fs::exists(path("broken/manifest.json")));
+    ASSERT_TRUE(fs::exists(path("scratch/current")));
+  }
+  double timed(const std::string& scene, const std::vector<std::string>& extra) {
+    const std::clock_t begin = std::clock();
+    EXPECT_EQ(run(scene, extra, "whole"), 0) << errors;
+    return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  }
+  std::vector<std::string> with_scratch(std::vector<std::string> extra) const {
+    extra.insert(extra.end(), {"--scratch", path("scratch").string()});
+    return extra;
+  }
+  void expect_same(const std::string& one, const std::string& other) const {
+    for (const char* file : {"trajectory.h5", "checkpoint.h5", "metrics.csv", "scene.json"}) {
+      EXPECT_TRUE(read_file(path(one) / file) == read_file(path(other) / file)) << file;
+    }
+    EXPECT_EQ(metrics_of(one), metrics_of(other));
+  }
+  // Those that are not figures of the machine.
+  Json metrics_of(const std::string& out) const {
+    Json kept = Json::array();
+    const Json manifest = Json::parse(read_file(path(out) / "manifest.json"));
+    for (const auto& metric : manifest["metrics"]) {
+      if (!metric.value("machine", false)) kept.push_back(metric);
+    }
+    return kept;
+  }
+};
+
+const char* const slow_scene = R"(scene: 1
+materials:
+  liver: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3, damping: 20 ms}
+effects:
+  neo_hookean:
+  gravity: {acceleration: 9.8 m/s2}
+  ground: {clearance: 5 mm, friction: 0.3}
+  viscosity:
+time: {frame_rate: 60 Hz, substeps: 2000, end: 1.2 s}
+schedule:
+  - at: 0.1 s
+    materials: {liver: {E: 8 kPa}}
+)";
+
+TEST_F(Resumed, ARunGoesOnToTheSameBitsAsOneThatNobodyStopped) {
+  for (const std::string solver : {"xpbd", "tled", "fem"}) {
+    const bool implicit = solver == "fem";
+    const std::vector<std::string> extra = {"--set", "solver=" + solver, "--set",
+                                            implicit ? "substeps=4" : "substeps=2000"};
+    interrupt(extra, timed(slow_scene, extra));
+    ASSERT_EQ(run(slow_scene, with_scratch(extra), solver), 0) << errors;
+    EXPECT_NE(errors.find("goes on at t"), std::string::npos) << errors;
+    expect_same("whole", solver);
+    fs::remove_all(path("scratch"));
+    fs::remove_all(path("whole"));
+  }
+}
+
+TEST_F(Resumed, WhatCannotBeUsedIsLeftAside) {
+  const double whole_s = timed(slow_scene, {});
+  interrupt({}, whole_s);
+  const std::string frames = read_file(path("scratch/current"));
+  const fs::path last = path("scratch") / fmt::format("last-{}.h5", frames);
+  fs::resize_file(last, fs::file_size(last) / 2);
+  ASSERT_EQ(run(slow_scene, with_scratch({}), "again"), 0) << errors;
+  EXPECT_NE(errors.find("starts anew"), std::string::npos) << errors;
+  expect_same("whole", "again");
+  interrupt({}, whole_s);  // of other params than those of the next
+  ASSERT_EQ(run(slow_scene, with_scratch({"--set", "end=0.1s"}), "other"), 0) << errors;
+  EXPECT_NE(errors.find("another run's"), std::string::npos) << errors;
+}
+
+}  // namespace
+}  // namespace viscera
