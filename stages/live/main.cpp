@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <fstream>
 #include <iostream>
 
@@ -51,12 +52,14 @@ ExitCode run_headless(const CommandLine& line) {
   options.stops_when_diverged = true;
   Session session(std::move(world), std::move(options));
   Reader reader(session);
-  double memory_at_first = 0.0;
+  double early_peak = 0.0, last_peak = 0.0;  // of the memory in the second and last tenth, MB
   // Twice a second, as often as a window's readout: at this the state is looked at on a device too.
   while (!session.wait_for(0.5)) {
     const Snapshot& now = session.look();
     log::check_interrupt();
-    if (memory_at_first == 0.0 && now.frame >= line.headless / 10) memory_at_first = memory_mb();
+    const std::uint64_t tenth = 10 * now.frame / line.headless;
+    if (tenth == 1) early_peak = std::max(early_peak, memory_mb());
+    if (tenth == 9) last_peak = std::max(last_peak, memory_mb());
     log::progress("live", static_cast<double>(now.frame) / static_cast<double>(line.headless),
                   fmt::format("{:.2f} ms a frame", 1e3 * now.times.last()));
   }
@@ -64,8 +67,7 @@ ExitCode run_headless(const CommandLine& line) {
   const Snapshot& last = session.look();
   Json json = to_json(reader.read(last));
   json["state_hash"] = fmt::format("{:016x}", last.state.hash());
-  json["memory_MB"] = {{"after_a_tenth", memory_at_first > 0.0 ? Json(memory_at_first) : Json()},
-                       {"end", memory_mb()}};
+  json["memory_MB"] = {{"peak_in_second_tenth", early_peak}, {"peak_in_last_tenth", last_peak}};
   log::clear_progress();
   std::cout << json.dump(1) << std::endl;
   return last.diverged ? ExitCode::diverged : ExitCode::ok;

@@ -36,12 +36,14 @@ Error refused(std::string field, std::string found, std::string allowed, std::st
                                       .remedy = std::move(remedy)});
 }
 
-// A hand that holds nothing and a ball out of reach, as further effects of the scene.
-void add_hand(sim::Scene& scene, const sim::Model& model) {
+// A hand that holds nothing, as a further effect of the scene, and its ball, still out of reach. A
+// ball that nobody uses would cost a tenth of a frame.
+void add_hand(sim::Scene& scene, const sim::Model& model, bool has_tool) {
   auto& grip = scene.params<sim::Grip>().emplace_back();
   grip.point = model.origin;
   grip.radius = hold_of_size * model.size();
   grip.frequency = 0.0;
+  if (!has_tool) return;
   auto& ball = scene.params<Ball>().emplace_back();
   ball.center = model.origin + Point{0.0, 0.0, 1e3 * model.size()};
   ball.radius = tool_of_size * model.size();
@@ -110,10 +112,8 @@ World::World(StageRun run) : run_(std::move(run)) {
     if (!setup_.file.schedule.empty()) {
       log::warn("the scene's schedule is not followed: the values change by hand");
     }
-    SceneFile file = setup_.file;
-    add_hand(file.scene, setup_.model);
-    sim::check_scene(file.scene);
-    take(std::move(file), Json::object());
+    hand_.tool_radius = tool_of_size * setup_.model.size();
+    take(Json::object(), false);
     start_ = solver_->state();
     if (run_.has_input("checkpoint")) {
       start_ = read_checkpoint(run_.input("checkpoint"), setup_.model.vertex_count(),
@@ -121,7 +121,6 @@ World::World(StageRun run) : run_(std::move(run)) {
       check_start(setup_.model, start_);
     }
     start_.step /= setting_->scene.time.substeps;
-    hand_.tool_radius = ball().radius;
     start_again();
   });
 }
@@ -136,17 +135,16 @@ void World::apply(const Command& command) {
     }
     void operator()(const Release&) const { world.release(); }
     void operator()(const MoveTool& c) const { world.move_tool(mm_to_m * c.to_mm); }
-    void operator()(const LiftTool&) const {
-      world.hand_.has_tool = false;
-      world.ball() = world.setting_->scene.params<Ball>().back();
-      world.steer();
+    void operator()(const LiftTool&) const { world.lift_tool(); }
+    void operator()(const Change& c) const {
+      Json changes = world.setting_->changes;
+      changes.update(c.values);
+      world.take(std::move(changes), world.hand_.has_tool);
     }
-    void operator()(const Change& c) const { world.change(c.values); }
     void operator()(const Drop&) const { world.start_again(); }
     void operator()(const Reset&) const {
-      SceneFile file = scene_of(world.run_, world.run_.params().at("change"));
-      add_hand(file.scene, world.setup_.model);
-      world.take(std::move(file), Json::object());
+      world.take(Json::object(), false);
+      world.hand_.has_tool = false;
       world.start_again();
     }
   };
@@ -155,7 +153,10 @@ void World::apply(const Command& command) {
   const sim::Scene before = scene_;
   const Hand hand = hand_;
   try {
-    translated(run_, [&] { std::visit(Apply{*this}, command); });
+    translated(run_, [&] {
+      std::visit(Apply{*this}, command);
+      sim::check_scene(scene_);
+    });
   } catch (const Error&) {
     scene_ = before, hand_ = hand;
     throw;
@@ -165,8 +166,8 @@ void World::apply(const Command& command) {
 
 void World::advance() {
   if (is_steered_) {
-    auto& tool = ball();
     if (hand_.has_tool) {
+      auto& tool = scene_.params<Ball>().back();
       tool.center = hand_.tool;
       tool.velocity = (1.0 / frame_s()) * (sent_to_ - hand_.tool);
       tool.start = time_s();
@@ -224,6 +225,7 @@ void World::lead_to(const Point& offset) {
 }
 
 void World::take_hand_off() {
+  lift_tool();
   scene_ = setting_->scene;
   hand_ = {.tool_radius = hand_.tool_radius};
   steer();
@@ -243,8 +245,9 @@ void World::move_tool(const Point& to) {
   }
   if (!hand_.has_tool) {
     check_room_for_tool(to);
-    hand_.tool = to;
+    take(setting_->changes, true);
     hand_.has_tool = true;
+    hand_.tool = to;
   }
   const double speed = norm(to - hand_.tool) / frame_s();
   if (speed > fastest) {
@@ -253,6 +256,12 @@ void World::move_tool(const Point& to) {
   }
   sent_to_ = to;
   steer();
+}
+
+void World::lift_tool() {
+  if (!hand_.has_tool) return;
+  take(setting_->changes, false);
+  hand_.has_tool = false;
 }
 
 // A ball that appears within the body would be thrown out at its depth over the substep.
@@ -274,18 +283,14 @@ void World::check_room_for_tool(const Point& center) const {
                 "a place beside the body", "let it appear outside, then press it in");
 }
 
-void World::change(const Json& values) {
-  Json changes = setting_->changes, all = run_.params().at("change");
-  changes.update(values);
+// By retuning the solver, or by another one where the values need more substeps or another form, or
+// the tool comes or goes.
+void World::take(Json changes, bool has_tool) {
+  sim::Model& model = setup_.model;
+  Json all = run_.params().at("change");
   all.update(changes);
   SceneFile file = scene_of(run_, all);
-  add_hand(file.scene, setup_.model);
-  take(std::move(file), std::move(changes));
-}
-
-// By retuning the solver, or by another one where the values need more substeps or another form.
-void World::take(SceneFile file, Json changes) {
-  sim::Model& model = setup_.model;
+  add_hand(file.scene, model, has_tool);
   const auto materials = model.materials;
   try {
     for (std::size_t i = 0; i < materials.size(); ++i) {
@@ -306,7 +311,8 @@ void World::take(SceneFile file, Json changes) {
       keep_forms(setting_->scene, next->scene);
     }
     next->stability = sim::apply_policy(model, next->scene, solver_options(run_).method);
-    const bool same = setting_ && next->stability.switched == setting_->stability.switched &&
+    const bool same = setting_ && has_tool == hand_.has_tool &&
+                      next->stability.switched == setting_->stability.switched &&
                       next->scene.time.substeps == setting_->scene.time.substeps;
     if (same) {
       solver_->retune(model, next->scene);

@@ -65,15 +65,12 @@ class World {
   void lead_to(const Point& offset);
   void release();
   void take_hand_off();
-  void change(const Json& values);
-  void take(SceneFile file, Json changes);
+  void lift_tool();
+  void take(Json changes, bool has_tool);
   void replace_solver(const Setting& next);
   void start_again();
   void steer() { is_steered_ = true; }
   sim::Grip::Params& grip() { return scene_.params<sim::Grip>().back(); }
-  sim::Collider<sim::Sphere>::Params& ball() {
-    return scene_.params<sim::Collider<sim::Sphere>>().back();
-  }
 
   StageRun run_;
   Setup setup_;

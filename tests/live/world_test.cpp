@@ -82,7 +82,10 @@ TEST_F(Live, AToolPressesTheBodyAndAppearsOnlyBesideIt) {
   }
   EXPECT_GT(highest, bottom_of_ball) << "flesh rises around it";
   EXPECT_GT(nearest, 0.74 * world->hand().tool_radius) << "and never goes through";
+  EXPECT_EQ(world->setting()->scene.params<sim::Collider<sim::Sphere>>().size(), 1u);
   world->apply(LiftTool{});
+  EXPECT_TRUE(world->setting()->scene.params<sim::Collider<sim::Sphere>>().empty())
+      << "a tool that is away costs nothing";
   advance(*world, 90);
   EXPECT_GT(diagnose(world->body(), world->setting()->scene, world->state()).volume_ratio, 0.97);
 }
@@ -141,6 +144,10 @@ TEST_F(Live, ValuesOutOfRangeAreRefusedByNameAndChangeNothing) {
   }
   EXPECT_EQ(refusal_of(*world, Grab{100000}).problem().field, "grab");
   EXPECT_EQ(refusal_of(*world, Grab{-1}).problem().field, "grab");
+  world->apply(Grab{0});
+  EXPECT_EQ(refusal_of(*world, Drag{{std::nan(""), 0, 0}}).problem().field, "effects.grip.offset");
+  world->apply(Reset{});
+  left_alone->apply(Drop{});
   advance(*world, 3), advance(*left_alone, 3);
   EXPECT_EQ(world->state().hash(), left_alone->state().hash());
 }

@@ -53,12 +53,10 @@ Controls::Controls(const Setting& setting, const std::vector<std::string>& mater
         setting);
     add(name + ".nu", materials[i] + " nu", "", 0.0, 0.5, nu, setting);
   }
-  // The hand's own ball is the last of the spheres, and no value of the scene.
   sim::Effects::for_each([&]<class Effect, std::size_t k>() {
     if constexpr (requires(typename Effect::Params p) { p.friction; }) {
       const auto& named = std::get<k>(setting.scene.effects);
-      const std::size_t own = std::is_same_v<Effect, sim::Collider<sim::Sphere>> ? 1 : 0;
-      if (named.size() != 1 + own) return;  // of several the scene makes a list: no name for one
+      if (named.size() != 1) return;  // of several the scene makes a list: no name for one
       const std::string effect = Effect::name;
       add(
           "effects." + effect + ".friction", effect + " friction", "", 0.0, 1.0,

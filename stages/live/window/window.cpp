@@ -49,10 +49,14 @@ const std::map<std::string, const char*> presets = {
     {"1", "6.6 kPa"}, {"2", "8.5 kPa"}, {"3", "11.5 kPa"}, {"4", "20 kPa"}};
 
 // As the source paper's Figure 4 has them.
-const std::map<std::string, Color> method_colors = {{"pbd", {0.95, 0.85, 0.15}},
-                                                    {"xpbd", {0.90, 0.15, 0.15}},
-                                                    {"fem", {0.15, 0.35, 0.95}},
-                                                    {"tled", {0.2, 0.75, 0.3}}};
+struct MethodColor {
+  const char* name;
+  Color color;
+};
+const std::map<std::string, MethodColor> method_colors = {{"pbd", {"yellow", {0.95, 0.85, 0.15}}},
+                                                          {"xpbd", {"red", {0.90, 0.15, 0.15}}},
+                                                          {"fem", {"blue", {0.15, 0.35, 0.95}}},
+                                                          {"tled", {"green", {0.2, 0.75, 0.3}}}};
 
 void require_display() {
   if (Display* display = XOpenDisplay(nullptr)) {
@@ -111,6 +115,7 @@ class Window {
   vtkSmartPointer<vtkScalarBarActor> bar_ = vtkSmartPointer<vtkScalarBarActor>::New();
   vtkSmartPointer<vtkTextActor> help_ = make_text(0.01, 0.985, true);
   vtkSmartPointer<vtkTextActor> readout_ = make_text(0.01, 0.01, false);
+  std::string legend_;  // of the methods' colours, where there are two
   Measure measure_ = Measure::material;
   bool paused_ = false, translucent_ = true, ghost_ = true;
   std::chrono::steady_clock::time_point told_{};
@@ -132,8 +137,12 @@ Window::Window(const std::vector<Shown>& sessions)
 
 void Window::set_up_overlay(const std::vector<Shown>& sessions) {
   if (sessions.size() < 2) return;
-  body_.tint_outermost(method_colors.at(sessions[0].method));
-  overlay_.emplace(sessions[1].session, *renderer_, method_colors.at(sessions[1].method));
+  const auto& [first, color] = method_colors.at(sessions[0].method);
+  const auto& [second, over] = method_colors.at(sessions[1].method);
+  body_.tint_outermost(color);
+  overlay_.emplace(sessions[1].session, *renderer_, over);
+  legend_ =
+      fmt::format("{} {}, over it {} {}\n", sessions[0].method, first, sessions[1].method, second);
 }
 
 void Window::set_up_tool() {
@@ -238,7 +247,7 @@ void Window::show(const Snapshot& snapshot) {
   bar_->SetVisibility(measure_ != Measure::material);
   const MeasureInfo info = info_of(measure_);
   bar_->SetTitle(fmt::format("{}, {}", info.title, info.unit).c_str());
-  if (tell_due()) readout_->SetInput(to_text(reader_.read(snapshot)).c_str());
+  if (tell_due()) readout_->SetInput((legend_ + to_text(reader_.read(snapshot))).c_str());
 }
 
 bool Window::tell_due() {
