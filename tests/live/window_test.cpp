@@ -115,15 +115,16 @@ class LiveWindow : public Live {
   }
   void key(const std::string& name) const { xdotool("mousemove 640 740 key " + name); }
 
-  // The frames at which a drop was asked for.
-  std::vector<int> drops() const {
-    std::vector<int> frames;
+  // What the record of input says of one command, line by line.
+  template <class Value>
+  std::vector<Value> recorded(const char* command, const char* field) const {
+    std::vector<Value> values;
     std::ifstream log(path("input.jsonl"));
     for (std::string line; std::getline(log, line);) {
       const Json json = Json::parse(line, nullptr, false);
-      if (json.is_object() && json.contains("drop")) frames.push_back(json["frame"]);
+      if (json.is_object() && json.contains(command)) values.push_back(json[field]);
     }
-    return frames;
+    return values;
   }
 
   int end_of_program() {
@@ -201,18 +202,20 @@ TEST_F(LiveWindow, SlidersChangeMaterialsAndWhatIsOutOfRangeSpringsBackWithAMess
   EXPECT_EQ(end_of_program(), 0);
 }
 
-TEST_F(LiveWindow, TheToolFollowsTheMouseAndPressesIn) {
+TEST_F(LiveWindow, TheToolFollowsTheMouseAndTheWheelPressesItIn) {
   open(with(live_scene, "  gravity:\n", ""));
-  xdotool("mousemove 640 300 key t");
+  const auto places = [this] { return recorded<std::array<double, 3>>("tool", "tool"); };
+  // How far it has come since it appeared, away from who looks: posterior.
+  const auto pressed_in = [&] { return places().back()[1] - places().front()[1]; };
+  xdotool("mousemove 540 400 key t");
   ASSERT_TRUE(says("input.jsonl", "\"tool\"")) << read_file(path("errors"));
   for (int turn = 0; turn < 30; ++turn) xdotool("click 4");
-  xdotool("mousemove 650 380");
-  const auto lines = [this] {
-    const std::string log = read_file(path("input.jsonl"));
-    return std::ranges::count(log, '\n');
-  };
-  for (int glance = 0; glance < 200 && lines() < 32; ++glance) sleep_ms(50);
-  EXPECT_GE(lines(), 32) << "a line for the header and one for each turn of the wheel";
+  for (int glance = 0; glance < 200 && pressed_in() < 10.0; ++glance) sleep_ms(50);
+  EXPECT_GE(pressed_in(), 10.0) << "30 turns of a tenth of its radius, 6.9 mm";
+  const double before = places().back()[2];
+  xdotool("mousemove 540 300");
+  for (int glance = 0; glance < 200 && places().back()[2] < before + 5.0; ++glance) sleep_ms(50);
+  EXPECT_GT(places().back()[2], before + 5.0) << "it follows the mouse";
   xdotool("key t");
   EXPECT_TRUE(says("input.jsonl", "\"lift\""));
 }
@@ -222,7 +225,8 @@ TEST_F(LiveWindow, APausedWindowStandsStillAndStepsByKey) {
   open();
   key("space");
   sleep_ms(500);
-  const auto frame_now = [this] {
+  const auto drops = [this] { return recorded<int>("drop", "frame"); };
+  const auto frame_now = [&] {
     const auto before = drops().size();
     key("d");
     for (int glance = 0; glance < 200 && drops().size() == before; ++glance) sleep_ms(50);
