@@ -77,7 +77,6 @@ class Session {
   const TetMesh& mesh() const { return world_->mesh(); }
   const std::string& device() const { return device_; }
   double frame_s() const { return frame_s_; }
-  std::uint64_t hash() const { return world_->state().hash(); }  // once it has ended
 
  private:
   enum class Turn { frame, wait, end };

@@ -214,13 +214,11 @@ void World::grab(int vertex) {
   for (const double m : model.mass) mass += m;
   hold.reach = weights_to_lift * gravity * mass / (omega * omega * flesh.mass);
   hand_.holds = true;
-  hand_.held = hold.point;
   lead_to(grabbed_at_);
 }
 
 void World::lead_to(const Point& offset) {
   grip().offset = offset;
-  hand_.target = grip().point + offset;
   steer();
 }
 

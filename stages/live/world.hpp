@@ -20,10 +20,9 @@ struct Setting {
   sim::Stability stability;
 };
 
-// Where the hand and its tool are, m, in patient coordinates.
+// What the hand does, m, in patient coordinates.
 struct Hand {
   bool holds = false, has_tool = false;
-  Point held, target;  // the point of the body at rest that is held, and where it is to go
   Point tool;
   double tool_radius = 0.0;
 };
@@ -48,7 +47,6 @@ class World {
 
   const sim::Model& body() const { return setup_.model; }
   const TetMesh& mesh() const { return setup_.mesh; }
-  const StageRun& run() const { return run_; }
   const std::shared_ptr<const Setting>& setting() const { return setting_; }
   const Hand& hand() const { return hand_; }
   Seconds seconds() const;

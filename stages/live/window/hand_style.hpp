@@ -25,7 +25,6 @@ class HandStyle : public vtkInteractorStyleTrackballCamera {
                std::function<void(const std::string&)> key);
   // The tool appears beside the body, where the mouse is; or goes.
   void toggle_tool(double radius_mm);
-  bool has_tool() const { return tool_.has_value(); }
   void forget_tool() { tool_.reset(); }  // the session has put it away
 
   void OnLeftButtonDown() override;
