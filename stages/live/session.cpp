@@ -187,7 +187,7 @@ void Session::advance() {
   } catch (const sim::Diverged& diverged) {
     return go_back(diverged.what());
   }
-  ++frame_;
+  frames_ = ++frame_;
   diverged_ = false;
   if (!world_->on_cpu() && !wanted_ && !trajectory_) return;
   sim::State state = world_->state();

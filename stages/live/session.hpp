@@ -66,6 +66,7 @@ class Session {
   void step();  // one frame of a paused session
   // The newest snapshot, the first being the start; asks for the next one.
   const Snapshot& look();
+  std::uint64_t frames() const { return frames_; }  // simulated so far, without a snapshot
   bool ended() const { return ended_; }
   // Ends the loop after the frame at hand and waits; rethrows what went wrong in it.
   void close();
@@ -108,6 +109,7 @@ class Session {
   bool diverged_ = false;
 
   TripleBuffer<Snapshot> snapshots_;
+  std::atomic<std::uint64_t> frames_{0};
   std::atomic<bool> wanted_{true}, ended_{false};
   std::mutex mutex_;  // over what follows
   std::condition_variable changed_;
