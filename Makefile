@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages build run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        bench-solver bench-mesh bench-gpu bench-surface bench-pipeline fuzz
+        live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -24,6 +24,9 @@ build/build.ninja: | packages
 
 run: build ## the demo, to out/demo/report.html
 	@$(BIN)/viscera run configs/demo.yaml
+
+live: build $(OUT)/tetmesh/manifest.json ## the phantom liver to take in the hand: a window
+	@$(BIN)/viscera-live configs/scenes/drop.yaml --in mesh=$(OUT)/tetmesh/mesh.vtu
 
 # Gates that fail (5) and runs that diverge (7) are results here: the page shows them.
 SHOWN = || { code=$$?; [ $$code -eq 5 ] || [ $$code -eq 7 ]; }
@@ -107,6 +110,19 @@ BENCH_SURFACE_CSV ?= out/bench/surface.csv
 bench-surface: build ## surfaces of every label against their goals: BENCH_SURFACES (volumes), _SURFACE_CSV
 	@mkdir -p $(dir $(BENCH_SURFACE_CSV))
 	@$(BIN)/bench_surface $(BENCH_SURFACE_CSV) $(BENCH_SURFACES)
+
+LIVE_FRAMES ?= 600
+LIVE_MESH ?= $(BENCH)/mesh.vtu
+LIVE_SET ?=
+bench-live: $(LIVE_MESH) ## the live loop without a window, 30k tets: LIVE_FRAMES, _MESH, _SET (--set …)
+	@$(BIN)/viscera-live configs/scenes/drop.yaml --in mesh=$(LIVE_MESH) $(LIVE_SET) \
+	  --headless $(LIVE_FRAMES) --quiet
+
+# 216,000 frames are an hour of the body's time.
+SOAK_FRAMES ?= 216000
+soak: build $(OUT)/tetmesh/manifest.json ## the live loop under random input: SOAK_FRAMES
+	@$(BIN)/viscera-live configs/scenes/drop.yaml --in mesh=$(OUT)/tetmesh/mesh.vtu \
+	  --headless $(SOAK_FRAMES) --random 1
 
 BENCH_KILLS ?= 200
 bench-pipeline: build ## the engine's own cost, and BENCH_KILLS kills, full disks, many engines

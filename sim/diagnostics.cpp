@@ -3,30 +3,11 @@
 #include <algorithm>
 #include <limits>
 
+#include "sim/elasticity.hpp"
 #include "sim/surface.hpp"
 
 namespace viscera::sim {
 namespace {
-
-Mat3<double> gradient_of(const Model& model, const State& state, std::size_t tet) {
-  const auto& [a, b, c, d] = model.tets[tet];
-  const Vec3<double> u[4] = {state.u[a], state.u[b], state.u[c], state.u[d]};
-  return displacement_gradient(u, model.rest_inverse[tet]);
-}
-
-// Of everything elastic that is on in a tet, J.
-double elastic_energy(const Model& model, const Scene& scene, std::size_t tet,
-                      const Mat3<double>& h) {
-  double sum = 0.0;
-  Effects::for_each([&]<class Effect, std::size_t i>() {
-    if constexpr (requires { &Effect::energy; }) {
-      for (const auto& params : std::get<i>(scene.effects)) {
-        sum += Effect::energy(model, tet, params, h);
-      }
-    }
-  });
-  return sum;
-}
 
 void add_tets(const Model& model, const Scene& scene, const State& state, Diagnostics& sum) {
   sum.min_j = std::numeric_limits<double>::infinity();

@@ -111,6 +111,10 @@ class CpuSolver final : public Solver {
       for (std::size_t k = 0; k < effects.size(); ++k) std::get<i>(own_)[k].retune(effects[k]);
     });
   }
+  void steer(const Scene& scene) override {
+    check_scene(scene);
+    program_.steer(scene);
+  }
   std::size_t contact_count() const override {
     std::size_t count = 0;
     for_each_slot<EffectKind::contact>(own_, [&count]<class Effect>(const auto& own) {

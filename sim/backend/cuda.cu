@@ -210,7 +210,6 @@ class XpbdCuda final : public Solver {
     done_.upload({state.step});
     load_memory(effects_, state);
   }
-  // What travels as a kernel argument is part of the graph, which is captured again.
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
     program_.retune({model, scene});
@@ -218,8 +217,20 @@ class XpbdCuda final : public Solver {
       const auto& effects = std::get<i>(program_.effects);
       for (std::size_t k = 0; k < effects.size(); ++k) std::get<i>(effects_)[k].retune(effects[k]);
     });
-    check(cudaGraphExecDestroy(std::exchange(graph_, nullptr)), "retuning");
-    capture();
+    recapture();
+  }
+  void steer(const Scene& scene) override {
+    check_scene(scene);
+    program_.steer(scene);
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (is_steered<Effect>) {
+        const auto& effects = std::get<i>(program_.effects);
+        for (std::size_t k = 0; k < effects.size(); ++k) {
+          std::get<i>(effects_)[k].retune(effects[k]);
+        }
+      }
+    });
+    recapture();
   }
   std::size_t contact_count() const override {
     std::size_t count = 0;
@@ -261,6 +272,12 @@ class XpbdCuda final : public Solver {
       bytes += effect.rest.size() * (sizeof(effect.rest[0]) + sizeof(effect.vertices[0]));
     });
     require_device_memory(bytes);
+  }
+
+  // What travels as a kernel argument is part of the graph.
+  void recapture() {
+    check(cudaGraphExecDestroy(std::exchange(graph_, nullptr)), "retuning");
+    capture();
   }
 
   void capture() {

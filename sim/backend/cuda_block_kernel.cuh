@@ -17,6 +17,8 @@ namespace viscera::sim {
 // room in the instruction cache.
 inline constexpr EffectSet tissue = effect_set<Gravity, Fixed, NeoHookean, Ground>;
 inline constexpr EffectSet damped_tissue = tissue | effect_set<Viscosity, Prescribed>;
+// With a hand and its ball: the live simulator's.
+inline constexpr EffectSet held_tissue = damped_tissue | effect_set<Grip, Collider<Sphere>>;
 
 // What a frame's kernel is given; arrays over the local vertices of all blocks unless said
 // otherwise. A grid runs the blocks of the first member, then those of the next.
@@ -455,11 +457,12 @@ template <class T>
 auto kernel_for(EffectSet named, int threads) {
   if ((named & ~tissue) == 0) return kernel_of_width<T, tissue>(threads);
   if ((named & ~damped_tissue) == 0) return kernel_of_width<T, damped_tissue>(threads);
+  if ((named & ~held_tissue) == 0) return kernel_of_width<T, held_tissue>(threads);
   return run_frame<T, all_effects, 256>;
 }
 template <class T>
 int most_threads(EffectSet named) {
-  return sizeof(T) == 4 && (named & ~damped_tissue) == 0 ? 512 : 256;
+  return sizeof(T) == 4 && (named & ~held_tissue) == 0 ? 512 : 256;
 }
 
 template <class Count>

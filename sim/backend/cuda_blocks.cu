@@ -154,6 +154,20 @@ class CudaBlocks final : public Ensemble {
     });
     upload_views();
   }
+  void steer(int member, const Scene& scene) override {
+    check_scene(scene);
+    program_.steer(scene);
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (is_steered<Effect>) {
+        const auto& effects = std::get<i>(program_.effects);
+        auto& views = std::get<i>(host_views_);
+        for (std::size_t k = 0; k < effects.size(); ++k) {
+          views[member * effects.size() + k].device = effects[k].device;
+        }
+        static_cast<ArrayOf<Effect>&>(views_).array.upload(views);
+      }
+    });
+  }
   std::size_t contact_count(int member) const override {
     const std::size_t locals = local_count(), all = frame_.contacts * locals;
     const auto touching = touching_.download(member * all, all);

@@ -248,6 +248,15 @@ struct Collider {
             params.template roughness<T>()};
   }
 
+  // Its place and motion; what it meets on the way it pushes out.
+  template <class T>
+  static void steer(Device<T>& it, const Vec3<double>& origin, const Params& params, double) {
+    it.anchor = Shape::anchor(params, origin);
+    it.velocity = params.velocity;
+    it.start = params.start;
+    it.stop = params.stop;
+  }
+
   template <class T>
   SIM_HD static Vec3<T> push(const Device<T>& it, const Step<T>& step, const Vec3<T>& rest,
                              const Vec3<T>& u, const Vec3<T>& d) {

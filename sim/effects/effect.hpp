@@ -45,8 +45,8 @@
 //   static double energy(model, tet, params, h)        J, what it stores in a tet with the gradient
 //       h of displacement, for the diagnostics
 // kind == force: an acceleration of every vertex
-//   template <class T> struct Device; static Device<T> device(model, params)
-//   template <class T> SIM_HD static Vec3<T> acceleration(device, rest_position, u, v)
+//   template <class T> struct Device; static Device<T> device(model, params), or (model, params,
+//   dt) template <class T> SIM_HD static Vec3<T> acceleration(device, rest_position, u, v)
 // kind == motion: vertices that go where they are told, whatever pulls at them
 //   static std::vector<int> vertices(model, params)
 //   template <class T> struct Device; static Device<T> device(model, params)
@@ -65,6 +65,10 @@
 //       at the start of the substep
 //   template <class T> SIM_HD static Vec3<T> stop(device, step, rest_position, u, d)
 //       optional, at the very end: the correction of d that keeps a vertex from passing through
+// kind == force or contact, of what a hand leads while a run goes on:
+//   template <class T> static void steer(device, origin, params, dt)   optional: takes over where
+//   it
+//       is now; origin is the model's
 #pragma once
 
 #include <limits>
@@ -98,6 +102,12 @@ template <class Effect, class T>
 inline constexpr bool can_stop = requires(const typename Effect::template Device<T>& device,
                                           const Step<T>& step, const Vec3<T>& a) {
   Effect::stop(device, step, a, a, a);
+};
+
+// Whether a hand may lead an effect from frame to frame.
+template <class Effect>
+inline constexpr bool is_steered = requires {
+  &Effect::template steer<double>;
 };
 
 // Numbers that an effect keeps of each element from one substep to the next.

@@ -10,6 +10,7 @@
 #include "sim/effects/distance.hpp"
 #include "sim/effects/fibre.hpp"
 #include "sim/effects/gravity.hpp"
+#include "sim/effects/grip.hpp"
 #include "sim/effects/ground.hpp"
 #include "sim/effects/linear.hpp"
 #include "sim/effects/load.hpp"
@@ -58,9 +59,9 @@ struct EffectList {
   }
 };
 
-using Effects =
-    EffectList<Gravity, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean, Linear, StVK,
-               Corotational, Distance, Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact,
-               Ground, Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
+using Effects = EffectList<Gravity, Grip, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean,
+                           Linear, StVK, Corotational, Distance, Volume, Fibre, Prony, Spring,
+                           ShapeMatching, SelfContact, Ground, Collider<Plane>, Collider<Sphere>,
+                           Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

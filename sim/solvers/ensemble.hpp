@@ -21,6 +21,7 @@ class Ensemble {
   virtual void set_state(int member, const State& state) = 0;
   // As Solver has it.
   virtual void retune(int member, const Model& model, const Scene& scene) = 0;
+  virtual void steer(int member, const Scene& scene) = 0;
   virtual std::size_t contact_count(int member) const = 0;
   virtual std::string device() const = 0;
 };
@@ -43,6 +44,7 @@ class OnlyMember final : public Solver {
   void retune(const Model& model, const Scene& scene) override {
     ensemble_->retune(0, model, scene);
   }
+  void steer(const Scene& scene) override { ensemble_->steer(0, scene); }
   std::size_t contact_count() const override { return ensemble_->contact_count(0); }
   std::string device() const override { return ensemble_->device(); }
 
@@ -70,6 +72,7 @@ class Separately final : public Ensemble {
   void retune(int member, const Model& model, const Scene& scene) override {
     members_[member]->retune(model, scene);
   }
+  void steer(int member, const Scene& scene) override { members_[member]->steer(scene); }
   std::size_t contact_count(int member) const override { return members_[member]->contact_count(); }
   std::string device() const override { return members_[0]->device(); }
 

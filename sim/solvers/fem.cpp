@@ -166,6 +166,10 @@ class FemSolver final : public Solver {
     take_stiffness(model);
     for (const auto& term : terms_) term->retune(model);
   }
+  void steer(const Scene& scene) override {
+    check_scene(scene);
+    program_.steer(scene);
+  }
   std::size_t contact_count() const override {
     std::size_t count = 0;
     for (const auto& term : terms_) count += term->contact_count();

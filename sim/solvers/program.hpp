@@ -34,9 +34,18 @@ template <class Effect, class T, EffectKind kind = Effect::kind>
 struct Prepared {  // force and contact effects
   typename Effect::template Device<T> device;
 
-  Prepared(const Model& model, const typename Effect::Params& params, double)
-      : device(Effect::template device<T>(model, params)) {}
+  Prepared(const Model& model, const typename Effect::Params& params, double dt)
+      : device(make(model, params, dt)) {}
   bool has_elements_of(const Prepared&) const { return true; }
+
+ private:
+  static auto make(const Model& model, const typename Effect::Params& params, double dt) {
+    if constexpr (requires { Effect::template device<T>(model, params, dt); }) {
+      return Effect::template device<T>(model, params, dt);
+    } else {
+      return Effect::template device<T>(model, params);
+    }
+  }
 };
 
 template <class Effect, class T>
@@ -130,11 +139,12 @@ struct Program {
   std::vector<Vec3<T>> rest;    // [n] m
   std::vector<T> inverse_mass;  // [n] 1/kg, 0 for vertices that no force moves
   Effects::Slots<Slot> effects;
-  double dt;  // s
+  Vec3<double> origin;  // of the model, m
+  double dt;            // s
   int substeps;
 
   Program(const Model& model, const Scene& scene)
-      : dt(scene.time.substep_s()), substeps(scene.time.substeps) {
+      : origin(model.origin), dt(scene.time.substep_s()), substeps(scene.time.substeps) {
     for (std::size_t i = 0; i < model.vertex_count(); ++i) {
       rest.push_back(cast<T>(model.rest[i]));
       inverse_mass.push_back(model.fixed[i] ? T(0) : static_cast<T>(1.0 / model.mass[i]));
@@ -165,6 +175,20 @@ struct Program {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       auto &own = std::get<i>(effects), &other = std::get<i>(tuned.effects);
       std::move(other.begin(), other.end(), own.begin());
+    });
+  }
+
+  // Leads what a hand leads to where another setting of the same scene has it.
+  void steer(const Scene& scene) {
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      auto& own = std::get<i>(effects);
+      const auto& params = std::get<i>(scene.effects);
+      require_same(own.size() == params.size(), std::string("effects.") + Effect::name);
+      if constexpr (is_steered<Effect>) {
+        for (std::size_t k = 0; k < own.size(); ++k) {
+          Effect::steer(own[k].device, origin, params[k], dt);
+        }
+      }
     });
   }
 

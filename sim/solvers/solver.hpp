@@ -33,6 +33,10 @@ class Solver {
   // began with. Throws Refusal, and changes nothing, when the mesh, a density, the time grid, the
   // effects, their elements or the vertices that they hold are not the same.
   virtual void retune(const Model& model, const Scene& scene) = 0;
+  // Leads grips and obstacles to where the scene has them (Effect::steer), at the cost of a few
+  // numbers; the rest of the scene is not looked at. An obstacle that is led into the body is not
+  // refused: it pushes. Throws Refusal for params out of range and for other effects.
+  virtual void steer(const Scene& scene) = 0;
   virtual std::size_t contact_count() const = 0;  // vertices in contact at the end of the frame
   virtual std::string device() const = 0;         // "cpu, 2 threads", "cuda, NVIDIA H200"
   // Seconds spent so far in each part of a step, by the effect's name; "step" for the rest. Empty

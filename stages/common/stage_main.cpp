@@ -69,11 +69,12 @@ std::pair<std::string, std::string> split_assignment(const std::string& text, co
   return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
-std::multimap<std::string, fs::path> read_inputs(const StageInfo& info, const CommandLine& line) {
+std::multimap<std::string, fs::path> read_inputs(const StageInfo& info,
+                                                 const std::vector<std::string>& in) {
   std::multimap<std::string, fs::path> inputs;
   std::vector<std::string> roles;
   for (const auto& input : info.inputs) roles.push_back(input.role);
-  for (const auto& text : line.in) {
+  for (const auto& text : in) {
     const auto [role, path] = split_assignment(text, "--in");
     const auto declared = std::find(roles.begin(), roles.end(), role);
     if (declared == roles.end()) {
@@ -115,9 +116,9 @@ std::multimap<std::string, fs::path> read_inputs(const StageInfo& info, const Co
   return inputs;
 }
 
-Json read_params(const StageInfo& info, const CommandLine& line) {
+Json read_params(const StageInfo& info, const std::vector<std::string>& set) {
   Json given = Json::object();
-  for (const auto& text : line.set) {
+  for (const auto& text : set) {
     const auto [name, value] = split_assignment(text, "--set");
     given[name] = value_from_text(value);
   }
@@ -182,6 +183,12 @@ void publish(const fs::path& work, const fs::path& out, const std::vector<FileDi
 
 }  // namespace
 
+StageRun read_run(const StageInfo& info, const std::vector<std::string>& in,
+                  const std::vector<std::string>& set) {
+  auto inputs = read_inputs(info, in);
+  return {read_params(info, set), std::move(inputs), {}};
+}
+
 class StageProgram {
  public:
   explicit StageProgram(const Stage& stage) : stage_(stage) {}
@@ -197,8 +204,8 @@ class StageProgram {
                                     .found = "missing",
                                     .remedy = "add --out DIR"});
     }
-    const auto inputs = read_inputs(info, line);
-    StageRun run(read_params(info, line), inputs, {});
+    StageRun run = read_run(info, line.in, line.set);
+    const auto& inputs = run.inputs_;
     if (stage_.check) stage_.check(run);
     const TemporaryFolder work(line.out);  // a refused input or param makes no folder
     run.out_ = work.path();
@@ -249,7 +256,7 @@ class StageProgram {
   }
 
   ExitCode check(const CommandLine& line) {
-    const StageRun run(read_params(stage_.info, line), read_inputs(stage_.info, line), {});
+    const StageRun run = read_run(stage_.info, line.in, line.set);
     if (stage_.check) stage_.check(run);
     std::cout << Json{{"stage", stage_.info.name}, {"exit", 0}, {"params", run.params()}}
               << std::endl;
@@ -315,13 +322,19 @@ int stage_main(int argc, char** argv, const Stage& stage) {
   }
   if (line.log_format == "json") log::set_format(log::Format::json);
   if (line.quiet) log::set_level(log::Level::warn);
-  try {
+  return guarded([&] {
     StageProgram program(stage);
     if (line.verb == "describe") {
       std::cout << to_json(info) << std::endl;
-      return 0;
+      return ExitCode::ok;
     }
-    return static_cast<int>(line.verb == "check" ? program.check(line) : program.run(line));
+    return line.verb == "check" ? program.check(line) : program.run(line);
+  });
+}
+
+int guarded(const std::function<ExitCode()>& work) {
+  try {
+    return static_cast<int>(work());
   } catch (const Error& e) {
     log::error("{}", e.what());
     return static_cast<int>(e.code());

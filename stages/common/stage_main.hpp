@@ -81,6 +81,14 @@ struct Stage {
   std::function<void(const StageRun&)> check;
 };
 
+// A run with the inputs (ROLE=FILE) and params (PARAM=VALUE) of a command line, checked against a
+// declaration; its outputs have no place yet. Throws Error.
+StageRun read_run(const StageInfo& info, const std::vector<std::string>& in,
+                  const std::vector<std::string>& set);
+
+// Does the work of a main(): errors become a message on stderr and their exit code.
+int guarded(const std::function<ExitCode()>& work);
+
 int stage_main(int argc, char** argv, const Stage& stage);
 
 }  // namespace viscera

@@ -11,12 +11,10 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
-#include "sim/refusal.hpp"
 #include "sim/stability.hpp"
 #include "sim/start.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
-#include "stages/simulate/accuracy.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/frame_loop.hpp"
@@ -24,72 +22,13 @@
 #include "stages/simulate/resume.hpp"
 #include "stages/simulate/scene_file.hpp"
 #include "stages/simulate/schedule.hpp"
+#include "stages/simulate/setup.hpp"
 #include "stages/simulate/solver_choice.hpp"
-#include "stages/simulate/stiffness.hpp"
 
 namespace viscera {
 namespace {
 
 constexpr double m3_to_ml = 1e6;
-
-Error to_error(const sim::Refusal& refusal, const StageRun& run) {
-  using Cause = sim::Refusal::Cause;
-  const bool scene = refusal.cause == Cause::scene, mesh = refusal.cause == Cause::mesh;
-  return Error(scene  ? ExitCode::bad_config
-               : mesh ? ExitCode::bad_input
-                      : ExitCode::device_unavailable,
-               {.where = scene  ? run.input("scene").string()
-                         : mesh ? run.input("mesh").string()
-                                : "device",
-                .field = refusal.field,
-                .found = refusal.found,
-                .allowed = refusal.allowed,
-                .remedy = refusal.remedy});
-}
-
-// Runs `work`, its refusals turned into errors that name the file.
-template <class Work>
-void translated(const StageRun& run, Work&& work) {
-  try {
-    work();
-  } catch (const sim::Refusal& refusal) {
-    throw to_error(refusal, run);
-  }
-}
-
-// The scene's materials by the mesh's labels.
-std::map<int, sim::Material> materials_by_label(const TetMesh& mesh, const SceneFile& file,
-                                                const StageRun& run) {
-  std::vector<std::string> known;
-  for (const auto& [name, material] : file.materials) known.push_back(name);
-  std::map<int, sim::Material> materials;
-  for (const auto& [label, name] : mesh.label_names) {
-    const auto found = file.materials.find(name);
-    if (found == file.materials.end()) {
-      throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),
-                                         .field = "materials." + name,
-                                         .found = "missing, and the mesh has this label",
-                                         .allowed = "one material for each label of the mesh",
-                                         .remedy = "add it, or " + suggest(name, known)});
-    }
-    materials[label] = found->second;
-  }
-  return materials;
-}
-
-SceneFile scene_of(const StageRun& run) {
-  SceneFile file = read_scene(run.input("scene"), run.params().at("change"));
-  for (const auto& expected : file.expect) {
-    if (std::ranges::count(expectable, expected.metric)) continue;
-    throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),
-                                       .field = "expect." + expected.metric,
-                                       .found = "no such metric",
-                                       .remedy = suggest(expected.metric, expectable)});
-  }
-  if (run.has_param("substeps")) file.scene.time.substeps = run.param<int>("substeps");
-  if (run.has_param("end")) file.scene.time.end_s = run.param<double>("end");
-  return file;
-}
 
 // metrics.csv: one row a frame, every column with its unit; no times of the machine, so that equal
 // runs give equal files.
@@ -147,22 +86,6 @@ void rehearse(const Schedule& schedule, sim::Model& model, sim::Scene& scene, si
   }
 }
 
-// In place of the labels' E where the volume of stiffness was measured.
-void take_stiffness(StageRun& run, const TetMesh& mesh, sim::Model& model) {
-  if (!run.has_input("stiffness")) return;
-  StiffnessSample sample = sample_stiffness(run.input("stiffness"), mesh);
-  const std::size_t without = mesh.tets.size() - sample.measured;
-  run.metric("stiffness_tets", sample.measured);
-  run.metric("stiffness_missing_tets", without);
-  run.metric("stiffness_min", sample.min * 1e-3, "kPa");
-  run.metric("stiffness_mean", sample.mean * 1e-3, "kPa");
-  run.metric("stiffness_max", sample.max * 1e-3, "kPa");
-  log::info("measured E of {} tets, {:.3g} to {:.3g} kPa, mean {:.3g}", sample.measured,
-            sample.min * 1e-3, sample.max * 1e-3, sample.mean * 1e-3);
-  if (without > 0) log::warn("no measured E at {} tets: they have their label's", without);
-  model.youngs_modulus = std::move(sample.youngs_modulus);
-}
-
 void report_stability(StageRun& run, const sim::Stability& stability, const sim::Scene& scene,
                       int asked_substeps) {
   run.metric("substeps", scene.time.substeps);
@@ -203,11 +126,7 @@ void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& 
 }
 
 void simulate(StageRun& run) {
-  take_accuracy(run);
-  SceneFile file = scene_of(run);
-  const TetMesh mesh = read_vtu(run.input("mesh"));
-  sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
-  take_stiffness(run, mesh, model);
+  auto [file, mesh, model] = set_up(run);
   const Schedule schedule(file);
   const int asked_substeps = file.scene.time.substeps;
   const sim::Stability stability =
@@ -324,7 +243,7 @@ const Stage& simulate_stage() {
       .check =
           [](const StageRun& run) {
             translated(run, [&run] {
-              SceneFile file = scene_of(run);
+              SceneFile file = scene_of(run, run.params().at("change"));
               sim::check_scene(file.scene);
               for (const auto& change : file.schedule) {
                 file.scene.effects = change.effects;

@@ -151,6 +151,40 @@ TEST_F(Cuda, OtherValuesGiveTheRunThatStartsWithThem) {
 }
 
 // More members than run at once, in one block and in several.
+// A hand and its ball, led anew at every frame.
+TEST_F(Cuda, WhatAHandLeadsAgreesWithTheHost) {
+  const Model model = make_cube(5);
+  Scene scene = drop_scene();
+  scene.params<Grip>().push_back({.point = model.origin, .radius = 0.03, .frequency = 40.0});
+  auto& ball = scene.params<Collider<Sphere>>().emplace_back();
+  ball.center = model.origin + Vec3<double>{0.0, 0.0, 0.04};
+  ball.radius = 0.01;
+  const SolverOptions by_color{.precision = Precision::fp64};
+  const SolverOptions in_blocks{
+      .scheme = Scheme::block_gauss_seidel, .precision = Precision::fp64, .block_tets = 150};
+  std::vector<std::pair<std::unique_ptr<Solver>, std::unique_ptr<Solver>>> pairs;
+  pairs.emplace_back(make_on_cuda(model, scene, by_color), make_on_cpu(model, scene, by_color));
+  pairs.emplace_back(make_on_cuda(model, scene, in_blocks),
+                     std::make_unique<HostBlocks<double>>(model, scene, 150, true));
+  const double frame_s = scene.time.frame_s;
+  for (int frame = 0; frame < 10; ++frame) {
+    scene.params<Grip>()[0].offset.x = 1e-3 * frame;
+    ball.center.z -= 1e-3;
+    ball.velocity = {0.0, 0.0, -1e-3 / frame_s};
+    ball.start = frame * frame_s, ball.stop = (frame + 1) * frame_s;
+    for (const auto& [cuda, host] : pairs) {
+      for (Solver* solver : {cuda.get(), host.get()}) {
+        solver->steer(scene);
+        solver->advance_frame();
+      }
+    }
+  }
+  for (const auto& [cuda, host] : pairs) {
+    EXPECT_LE(largest_difference(cuda->state(), host->state()), 1e-9 * model.size());
+    EXPECT_GT(norm(cuda->state().u[0]), 1e-3) << "it was led";
+  }
+}
+
 TEST_F(Cuda, AMemberGivesTheBitsOfARunAlone) {
   const Model model = make_cube(4);
   const Tune tune = [](int member, Model& own, Scene& scene) {

@@ -105,6 +105,10 @@ class HostBlocks final : public Solver {
     });
     make_views();
   }
+  void steer(const Scene& scene) override {
+    program_.steer(scene);
+    make_views();
+  }
   std::size_t contact_count() const override { return 0; }
   std::string device() const override { return "host stand-in"; }
 

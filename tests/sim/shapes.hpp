@@ -102,6 +102,12 @@ typename Effect::Params sample_params() {
   if constexpr (std::is_same_v<Effect, Load>) params.force = {0.1, 0.2, -0.3};
   if constexpr (std::is_same_v<Effect, Spring>) params.stiffness = 1e6;
   if constexpr (std::is_same_v<Effect, Prescribed>) params.displacement = {0.0, 0.0, 0.005};
+  if constexpr (std::is_same_v<Effect, Grip>) {
+    params.point = {0.025, 0.025, 0.05};
+    params.radius = 0.03;
+    params.offset = {0.002, 0.0, 0.005};
+    params.rotation = {0.0, 0.1, 0.2};
+  }
   // Obstacles a millimetre below a cube of 5 cm at the origin.
   if constexpr (std::is_same_v<Effect, Collider<Plane>>) params.point = {0.0, 0.0, -0.001};
   if constexpr (std::is_same_v<Effect, Collider<Sphere>>) {

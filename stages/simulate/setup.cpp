@@ -1,0 +1,99 @@
+#include "stages/simulate/setup.hpp"
+
+#include <algorithm>
+
+#include "pipeline/contract/log.hpp"
+#include "stages/common/tet_io.hpp"
+#include "stages/simulate/accuracy.hpp"
+#include "stages/simulate/body.hpp"
+#include "stages/simulate/outcome_report.hpp"
+#include "stages/simulate/stiffness.hpp"
+
+namespace viscera {
+namespace {
+
+// The scene's materials by the mesh's labels.
+std::map<int, sim::Material> materials_by_label(const TetMesh& mesh, const SceneFile& file,
+                                                const StageRun& run) {
+  std::vector<std::string> known;
+  for (const auto& [name, material] : file.materials) known.push_back(name);
+  std::map<int, sim::Material> materials;
+  for (const auto& [label, name] : mesh.label_names) {
+    const auto found = file.materials.find(name);
+    if (found == file.materials.end()) {
+      throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),
+                                         .field = "materials." + name,
+                                         .found = "missing, and the mesh has this label",
+                                         .allowed = "one material for each label of the mesh",
+                                         .remedy = "add it, or " + suggest(name, known)});
+    }
+    materials[label] = found->second;
+  }
+  return materials;
+}
+
+// In place of the labels' E where the volume of stiffness was measured.
+void take_stiffness(StageRun& run, const TetMesh& mesh, sim::Model& model) {
+  if (!run.has_input("stiffness")) return;
+  StiffnessSample sample = sample_stiffness(run.input("stiffness"), mesh);
+  const std::size_t without = mesh.tets.size() - sample.measured;
+  run.metric("stiffness_tets", sample.measured);
+  run.metric("stiffness_missing_tets", without);
+  run.metric("stiffness_min", sample.min * 1e-3, "kPa");
+  run.metric("stiffness_mean", sample.mean * 1e-3, "kPa");
+  run.metric("stiffness_max", sample.max * 1e-3, "kPa");
+  log::info("measured E of {} tets, {:.3g} to {:.3g} kPa, mean {:.3g}", sample.measured,
+            sample.min * 1e-3, sample.max * 1e-3, sample.mean * 1e-3);
+  if (without > 0) log::warn("no measured E at {} tets: they have their label's", without);
+  model.youngs_modulus = std::move(sample.youngs_modulus);
+}
+
+}  // namespace
+
+Error to_error(const sim::Refusal& refusal, const StageRun& run) {
+  using Cause = sim::Refusal::Cause;
+  const bool scene = refusal.cause == Cause::scene, mesh = refusal.cause == Cause::mesh;
+  return Error(scene  ? ExitCode::bad_config
+               : mesh ? ExitCode::bad_input
+                      : ExitCode::device_unavailable,
+               {.where = scene  ? run.input("scene").string()
+                         : mesh ? run.input("mesh").string()
+                                : "device",
+                .field = refusal.field,
+                .found = refusal.found,
+                .allowed = refusal.allowed,
+                .remedy = refusal.remedy});
+}
+
+void translated(const StageRun& run, const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const sim::Refusal& refusal) {
+    throw to_error(refusal, run);
+  }
+}
+
+SceneFile scene_of(const StageRun& run, const Json& changes) {
+  SceneFile file = read_scene(run.input("scene"), changes);
+  for (const auto& expected : file.expect) {
+    if (std::ranges::count(expectable, expected.metric)) continue;
+    throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),
+                                       .field = "expect." + expected.metric,
+                                       .found = "no such metric",
+                                       .remedy = suggest(expected.metric, expectable)});
+  }
+  if (run.has_param("substeps")) file.scene.time.substeps = run.param<int>("substeps");
+  if (run.has_param("end")) file.scene.time.end_s = run.param<double>("end");
+  return file;
+}
+
+Setup set_up(StageRun& run) {
+  take_accuracy(run);
+  SceneFile file = scene_of(run, run.params().at("change"));
+  TetMesh mesh = read_vtu(run.input("mesh"));
+  sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
+  take_stiffness(run, mesh, model);
+  return {std::move(file), std::move(mesh), std::move(model)};
+}
+
+}  // namespace viscera

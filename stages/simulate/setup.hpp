@@ -1,0 +1,33 @@
+// From a run's files and params to what is simulated: what the stage and the live simulator share.
+#pragma once
+
+#include <functional>
+
+#include "pipeline/contract/error.hpp"
+#include "sim/model.hpp"
+#include "sim/refusal.hpp"
+#include "stages/common/stage_main.hpp"
+#include "stages/common/tet_mesh.hpp"
+#include "stages/simulate/scene_file.hpp"
+
+namespace viscera {
+
+struct Setup {
+  SceneFile file;
+  TetMesh mesh;      // mm
+  sim::Model model;  // m
+};
+
+// Throws Error for files that do not fit, sim::Refusal for a body that cannot be simulated.
+Setup set_up(StageRun& run);
+
+// The scene with values replaced (read_scene) and the params that stand in for parts of it.
+SceneFile scene_of(const StageRun& run, const Json& changes);
+
+// A refusal as an error that names the run's file and has its exit code.
+Error to_error(const sim::Refusal& refusal, const StageRun& run);
+
+// Runs `work`, its refusals turned into errors.
+void translated(const StageRun& run, const std::function<void()>& work);
+
+}  // namespace viscera
