@@ -14,12 +14,14 @@ namespace viscera::sim {
 
 inline constexpr std::size_t bank_bytes = 128;  // that shared memory serves at once
 
-// The lanes that sweep, and how many elements of an effect a copy of a vertex meets at most.
-// Measured (docs/results/cuda.md): where a phase costs its latency, few phases matter, and one warp
-// needs no barrier but its own; where blocks are large it costs its arithmetic.
+// The lanes that sweep, how many elements of an effect a copy of a vertex meets at most, and how
+// many are of one colour. Only the last two decide on results: colours wider than the lanes are
+// cut. Measured (docs/results/cuda.md): where a phase costs its latency, few phases matter, and one
+// warp needs no barrier but its own; where blocks are large it costs its arithmetic.
 inline constexpr int one_warp = 32;
 struct Team {
   int lanes, most_elements;
+  int most_in_color = lanes;
 };
 inline Team team_for(int tets_per_block) {
   if (tets_per_block <= 640) return {one_warp, 16};
@@ -246,13 +248,14 @@ class BlockLayout {
       }
     }
     Coloring coloring = color_by_saturation<arity>(std::span<const std::array<int, arity>>(local),
-                                                   copies.end - copies.begin, team_.lanes);
+                                                   copies.end - copies.begin, team_.most_in_color);
     for (int color = 0; color < coloring.color_count(); ++color) {
       const int color_size = coloring.color_begin[color + 1] - coloring.color_begin[color];
       spread_over_banks<arity>(
           std::span(coloring.order).subspan(coloring.color_begin[color], color_size), local,
           static_cast<int>(bank_bytes / sizeof(Row<T>)));
       for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
+        if (to.elements_in_phase() == team_.lanes) to.end_phase();
         const int e = coloring.order[at];
         to.element_of.push_back(members[e]);
         auto& vertices = to.vertices.emplace_back();
