@@ -83,21 +83,22 @@ struct NeoHookean {
 
   // XPBD's impulses from zero multipliers (arithmetic.hpp), the pair eliminated by hand. With
   //   s_i = (F - cof F) B_i, the preload over -k_D;   h_i = cof F B_i;   r = det F - 1
-  //   A_ss = sum w s.s and so on, m = A_ss A_hh - A_sh^2, I_C = tr F^T F, k_D = k_H (gamma - 1)
-  //   p = -k_D (1 + e) s + k_H b h
-  //   det = I_C (1 + k_H A_hh) + k_D (A_ss + 2 A_sh + A_hh + k_H m)
-  //   e = -(k_H r (A_sh + A_hh) + k_D (A_ss + A_sh + k_H m)) / det
-  //   b = (I_C (k_D A_sh - r) + k_D (A_ss + A_sh)(gamma - 1 - r)) / det
+  //   S = k_H sum w s.s, X = k_H sum w s.h, H = k_H sum w h.h, M = S H - X^2 >= 0: no dimension
+  //   I_C = tr F^T F, q = gamma - 1 = k_D / k_H
+  //   p = -k_D (1 - e) s + k_H b h
+  //   det = I_C (1 + H) + q (S + 2 X + H + M)
+  //   e = (r (X + H) + q (S + X + M)) / det
+  //   b = (I_C (q X - r) + q (S + X)(q - r)) / det
   // Nothing cancels: s, r, e and b vanish at rest to the last bit, and no term of det is negative.
   // Two thirds of the operations of evaluate() and a solve, and no square root.
   template <class T>
   SIM_HD static void xpbd_impulses(const Rest<T>& rest, const T (&w)[4], const Vec3<T> (&u)[4],
                                    const Vec3<T> (&d)[4], Vec3<T> (&p)[4]) {
-    const Mat3<T> h = displacement_gradient(u, d, rest.rest_inverse);
-    const Mat3<T> cof_minus_i = cofactor_strain(h);
-    const T ic = squared_norm(plus_identity(T(1), h)), r = volume_strain(h);
+    const Mat3<T> gradient = displacement_gradient(u, d, rest.rest_inverse);
+    const Mat3<T> cof_minus_i = cofactor_strain(gradient);
+    const T ic = squared_norm(plus_identity(T(1), gradient)), r = volume_strain(gradient);
     Vec3<T> shear[4], swell[4];
-    scatter(T(1), h - cof_minus_i, rest.rest_inverse, shear);
+    scatter(T(1), gradient - cof_minus_i, rest.rest_inverse, shear);
     scatter(T(1), plus_identity(T(1), cof_minus_i), rest.rest_inverse, swell);
     T ss = T(0), sh = T(0), hh = T(0);
     for (int i = 0; i < 4; ++i) {
@@ -105,12 +106,13 @@ struct NeoHookean {
       sh += w[i] * dot(shear[i], swell[i]);
       hh += w[i] * dot(swell[i], swell[i]);
     }
-    const T kd = rest.deviatoric, kh = rest.hydrostatic, minor = ss * hh - sh * sh;
-    const T m = kh * select(minor > T(0), minor, T(0)), t = ss + sh;
-    const T determinant = ic + kh * (ic * hh) + kd * (t + sh + hh + m);
+    const T kd = rest.deviatoric, kh = rest.hydrostatic, q = rest.mu_over_lambda;
+    const T s = kh * ss, x = kh * sh, h = kh * hh, minor = s * h - x * x;
+    const T m = select(minor > T(0), minor, T(0)), t = s + x;
+    const T determinant = ic + ic * h + q * (t + x + h + m);
     const T scale = select(determinant > T(0), T(1) / determinant, T(0));  // 0: flat to a point
-    const T e = scale * (kh * (r * (sh + hh)) + kd * (t + m));
-    const T b = scale * (ic * (kd * sh - r) + kd * (t * (rest.mu_over_lambda - r)));
+    const T e = scale * (r * (x + h) + q * (t + m));
+    const T b = scale * (ic * (q * x - r) + q * (t * (q - r)));
     for (int i = 0; i < 4; ++i) p[i] = (kd * (e - T(1))) * shear[i] + (kh * b) * swell[i];
   }
 

@@ -295,6 +295,38 @@ TEST(Effects, EliminatedMultipliersAreThoseOfTheSolver) {
   EXPECT_GT(effects, 0);
 }
 
+// Dimensionless inside: single precision holds bodies from a micrometre to a kilometre.
+TEST(NeoHookean, SinglePrecisionHoldsTinyAndHugeElements) {
+  for (const double size : {1e-6, 1.0, 1e3}) {
+    Material scaled = soft_tissue;  // that the same steps do the same to all sizes
+    scaled.youngs_modulus *= size * size;
+    const Model model = make_cube(1, scaled, size);
+    const auto& elements = NeoHookean::elements(model, {});
+    const auto rest = NeoHookean::rest<float>(model, elements, 0, {}, 1e-3);
+    const auto exact = NeoHookean::rest<double>(model, elements, 0, {}, 1e-3);
+    std::mt19937 generator(5);
+    float mobility[4];
+    Vec3<float> u[4], d[4], p[4];
+    double mobility64[4];
+    Vec3<double> u64[4], d64[4], p64[4];
+    for (int i = 0; i < 4; ++i) {
+      u64[i] = random_vector(generator, 0.3 * size);
+      d64[i] = random_vector(generator, 1e-3 * size);
+      mobility64[i] = 1e-6 / model.mass[model.tets[0][i]];
+      u[i] = cast<float>(u64[i]);
+      d[i] = cast<float>(d64[i]);
+      mobility[i] = static_cast<float>(mobility64[i]);
+    }
+    NeoHookean::xpbd_impulses(rest, mobility, u, d, p);
+    NeoHookean::xpbd_impulses(exact, mobility64, u64, d64, p64);
+    double largest = 0.0;
+    for (const auto& impulse : p64) largest = std::max(largest, norm(impulse));
+    for (int i = 0; i < 4; ++i) {
+      EXPECT_LE(norm(cast<double>(p[i]) - p64[i]), 1e-5 * largest) << size << " m";
+    }
+  }
+}
+
 TEST(NeoHookean, AnElementFlatToAPointIsLeftAlone) {
   Sample<NeoHookean> sample(1);
   const double mobility[4] = {1e-6, 1e-6, 1e-6, 1e-6};
