@@ -15,6 +15,7 @@ namespace fs = std::filesystem;
 namespace {
 
 const std::string prefix = "viscera-";
+const std::string window = "live";  // a program beside the stages that is none
 
 StageInfo read_declaration(const std::string& stage, const std::string& text) {
   const auto fail = [&stage](const std::string& found) {
@@ -46,7 +47,9 @@ std::vector<std::string> Catalog::names() const {
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(programs_)) {
     const std::string name = entry.path().filename().string();
-    if (name.starts_with(prefix)) names.push_back(name.substr(prefix.size()));
+    if (name.starts_with(prefix) && name != prefix + window) {
+      names.push_back(name.substr(prefix.size()));
+    }
   }
   std::sort(names.begin(), names.end());
   return names;
