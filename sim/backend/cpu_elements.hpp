@@ -188,18 +188,7 @@ class VertexCopies {
 // With the widest instructions that this machine has; the results do not depend on it.
 template <class T>
 const SweepTable<T>& best_sweeps() {
-  static const auto tables = [] {
-    std::tuple<SweepTable<float>, SweepTable<double>> both{};
-    auto& [table32, table64] = both;
-#if defined(VISCERA_AVX2)
-    if (__builtin_cpu_supports("avx2")) {
-      fill_sweeps_avx2(table32, table64);
-      return both;
-    }
-#endif
-    fill_sweeps_baseline(table32, table64);
-    return both;
-  }();
+  static const SweepTables tables = runnable_sweeps().back();
   return std::get<SweepTable<T>>(tables);
 }
 

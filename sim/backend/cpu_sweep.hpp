@@ -1,10 +1,11 @@
-// A sweep over elements on the CPU, W at a time. Compiled once for the baseline instruction set and
-// once for AVX2; both give the same bits.
+// A sweep over elements on the CPU, W at a time. Compiled once for each instruction set; all give
+// the same bits.
 #pragma once
 
 #include <array>
 #include <cstring>
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "sim/backend/pack.hpp"
@@ -117,7 +118,10 @@ void sweep_group(const typename PackedElements<Effect, T>::Group& group, int ind
   using P = Pack<T, isa>;
   typename Effect::template Rest<P> rest;
   static_assert(sizeof(rest) == sizeof(group.rest));
-  std::memcpy(static_cast<void*>(&rest), group.rest, sizeof(rest));
+  // Number by number: a copy of the whole is a call that costs a tenth of the sweep.
+  for (std::size_t k = 0; k < PackedElements<Effect, T>::numbers; ++k) {
+    std::memcpy(reinterpret_cast<char*>(&rest) + k * sizeof(P), group.rest[k], sizeof(P));
+  }
   Vec3<P> u[arity], d[arity], p[arity];
   P mobility[arity];
   for (int i = 0; i < arity; ++i) {
@@ -158,7 +162,7 @@ using Sweep = void (*)(const void* groups, Range range, const SweepFields<T>& fi
 template <class T>
 using SweepTable = std::array<std::array<Sweep<T>, Effects::size>, arithmetic_count>;
 
-enum Isa { baseline, avx2 };
+enum Isa { baseline, avx2, avx512 };  // avx512: its 32 registers, of AVX2's width
 
 // Flattened: with many effects in one unit the compiler would stop inlining, which costs a third of
 // the speed. Under the sanitizers it would cost minutes of compiling.
@@ -176,7 +180,7 @@ SIM_FLATTEN void sweep_groups(const void* groups, Range range, const SweepFields
 }
 
 template <int isa, class T>
-void fill_sweeps(SweepTable<T>& table) {
+void fill_table(SweepTable<T>& table) {
   Effects::for_each([&table]<class Effect, std::size_t i>() {
     if constexpr (Effect::kind == EffectKind::element) {
       using enum Arithmetic;
@@ -195,8 +199,29 @@ void fill_sweeps(SweepTable<T>& table) {
   });
 }
 
+using SweepTables = std::tuple<SweepTable<float>, SweepTable<double>>;
+template <int isa>
+void fill_sweeps(SweepTables& tables) {
+  fill_table<isa>(std::get<0>(tables));
+  fill_table<isa>(std::get<1>(tables));
+}
+
 // One translation unit each, cpu_sweep_ISA.cpp.
-void fill_sweeps_baseline(SweepTable<float>& table32, SweepTable<double>& table64);
-void fill_sweeps_avx2(SweepTable<float>& table32, SweepTable<double>& table64);
+void fill_sweeps_baseline(SweepTables& tables);
+void fill_sweeps_avx2(SweepTables& tables);
+void fill_sweeps_avx512(SweepTables& tables);
+
+// Those that this machine can run, the fastest last.
+inline std::vector<SweepTables> runnable_sweeps() {
+  std::vector<SweepTables> sweeps;
+  fill_sweeps_baseline(sweeps.emplace_back());
+#if defined(VISCERA_AVX)
+  if (__builtin_cpu_supports("avx2")) fill_sweeps_avx2(sweeps.emplace_back());
+  if (__builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq")) {
+    fill_sweeps_avx512(sweeps.emplace_back());
+  }
+#endif
+  return sweeps;
+}
 
 }  // namespace viscera::sim

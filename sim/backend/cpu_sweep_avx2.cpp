@@ -2,9 +2,8 @@
 
 namespace viscera::sim {
 
-void fill_sweeps_avx2(SweepTable<float>& table32, SweepTable<double>& table64) {
-  fill_sweeps<avx2>(table32);
-  fill_sweeps<avx2>(table64);
+void fill_sweeps_avx2(SweepTables& tables) {
+  fill_sweeps<avx2>(tables);
 }
 
 }  // namespace viscera::sim

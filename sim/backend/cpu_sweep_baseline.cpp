@@ -2,9 +2,8 @@
 
 namespace viscera::sim {
 
-void fill_sweeps_baseline(SweepTable<float>& table32, SweepTable<double>& table64) {
-  fill_sweeps<baseline>(table32);
-  fill_sweeps<baseline>(table64);
+void fill_sweeps_baseline(SweepTables& tables) {
+  fill_sweeps<baseline>(tables);
 }
 
 }  // namespace viscera::sim

@@ -234,13 +234,7 @@ void check_sweeps(std::size_t index) {
   const Prepared<Effect, T> elements(model, sample_params<Effect>(), 2.6e-4);
   SweepCase<T> expected(model);
   sweep_one_by_one<Effect, T, arithmetic>(elements, expected.fields(), n);
-  std::tuple<SweepTable<float>, SweepTable<double>> baseline{}, widest{};
-  fill_sweeps_baseline(std::get<0>(baseline), std::get<1>(baseline));
-  widest = baseline;
-#if defined(VISCERA_AVX2)
-  if (__builtin_cpu_supports("avx2")) fill_sweeps_avx2(std::get<0>(widest), std::get<1>(widest));
-#endif
-  for (const auto* tables : {&baseline, &widest}) {
+  for (const SweepTables& tables : runnable_sweeps()) {
     SweepCase<T> found(model);
     PackedElements<Effect, T> packed;
     std::vector<int> all(elements.vertices.size());
@@ -249,7 +243,7 @@ void check_sweeps(std::size_t index) {
     packed.memory.resize(packed.groups.size() * packed.memory_size * packed.width);
     SweepFields<T> fields = found.fields();
     fields.memory = packed.memory.data();
-    std::get<SweepTable<T>>(*tables)[static_cast<int>(arithmetic)][index](
+    std::get<SweepTable<T>>(tables)[static_cast<int>(arithmetic)][index](
         packed.groups.data(), {0, static_cast<int>(packed.groups.size())}, fields);
     EXPECT_EQ(std::memcmp(found.d.data(), expected.d.data(), n * sizeof(Row<T>)), 0)
         << Effect::name << ", arithmetic " << static_cast<int>(arithmetic);
