@@ -127,7 +127,8 @@ std::vector<Case> read_case_table(const fs::path& path) {
       if (text.empty()) continue;
       const bool flow = text.starts_with('{') || text.starts_with('[');
       try {
-        one.settings.push_back({names[i].text, flow ? YAML::Load(text) : YAML::Node(text), where});
+        const YAML::Node value = flow ? YAML::Load(text) : YAML::Node(text);
+        one.settings.push_back({names[i].text, value, where, path});
       } catch (const YAML::Exception& e) {
         throw Error(ExitCode::bad_config, {.where = where,
                                            .field = names[i].text,

@@ -17,15 +17,15 @@ constexpr const char* sweep_example = "{substeps: [16, 32, 64]}, or a list of su
 
 class CaseReader {
  public:
-  explicit CaseReader(const fs::path& path) : path_(path) {}
+  CaseReader(const fs::path& cases, const fs::path& sweep) : cases_(cases), sweep_(sweep) {}
 
   std::vector<Case> read(const YAML::Node& cases, const YAML::Node& sweep) {
     const std::vector<Case> named = cases ? read_named(cases) : std::vector<Case>{Case{}};
     const std::vector<Case> points = sweep ? read_points(sweep) : std::vector<Case>{Case{}};
     if (points.size() > max_cases / named.size()) {
-      throw fail(sweep ? sweep : cases, sweep ? "sweep" : "cases",
-                 fmt::format("{} cases", named.size() * points.size()),
-                 fmt::format("at most {}", max_cases));
+      throw spec_error(sweep ? sweep_ : cases_, sweep ? sweep : cases, sweep ? "sweep" : "cases",
+                       fmt::format("{} cases", named.size() * points.size()),
+                       fmt::format("at most {}", max_cases));
     }
     std::vector<Case> all;
     for (const auto& one : named) {
@@ -36,13 +36,6 @@ class CaseReader {
   }
 
  private:
-  Error fail(const YAML::Node& node, const std::string& field, const std::string& found,
-             const std::string& allowed) const {
-    return Error(
-        ExitCode::bad_config,
-        {.where = place_of(path_, node), .field = field, .found = found, .allowed = allowed});
-  }
-
   static Case joined(Case one, const Case& point) {
     one.name += (one.name.empty() || point.name.empty() ? "" : ",") + point.name;
     if (one.where.empty()) one.where = point.where;
@@ -61,40 +54,34 @@ class CaseReader {
 
   // `cases: FILE.csv`, beside the spec or below: a spec that somebody sends reads nothing else.
   std::vector<Case> read_table(const YAML::Node& cases) const {
-    const fs::path folder = fs::weakly_canonical(fs::absolute(path_).parent_path());
-    const fs::path table = fs::weakly_canonical(folder / cases.Scalar());
-    if (cases.Scalar().empty() || !is_within(table, folder)) {
-      throw fail(cases, "cases", "'" + cases.Scalar() + "'",
-                 "a table (.csv) in the spec's folder or below");
+    if (cases.Scalar().empty() || !is_beside(cases_, cases.Scalar())) {
+      throw spec_error(cases_, cases, "cases", "'" + cases.Scalar() + "'",
+                       "a table (.csv) in the spec's folder or below");
     }
-    std::vector<Case> named = read_case_table(path_.parent_path() / cases.Scalar());
+    std::vector<Case> named = read_case_table(cases_.parent_path() / cases.Scalar());
     if (named.size() > max_cases) {
-      throw fail(cases, "cases", fmt::format("{} cases", named.size()),
-                 fmt::format("at most {}", max_cases));
+      throw spec_error(cases_, cases, "cases", fmt::format("{} cases", named.size()),
+                       fmt::format("at most {}", max_cases));
     }
     for (const auto& one : named) check_name(one.name, one.where);
     return named;
   }
 
-  static bool is_within(const fs::path& path, const fs::path& folder) {
-    const fs::path relative = path.lexically_relative(folder);
-    return !relative.empty() && *relative.begin() != "..";
-  }
-
   std::vector<Case> read_named(const YAML::Node& cases) const {
     if (cases.IsScalar()) return read_table(cases);
     const char* const allowed = "NAME: {VARIABLE or STAGE.PARAM: VALUE}, or a table's file name";
-    if (!cases.IsMap() || cases.size() == 0) throw fail(cases, "cases", "not a map", allowed);
+    if (!cases.IsMap() || cases.size() == 0)
+      throw spec_error(cases_, cases, "cases", "not a map", allowed);
     std::vector<Case> named;
     for (const auto& item : cases) {
-      Case one{.name = item.first.Scalar(), .where = place_of(path_, item.first)};
+      Case one{.name = item.first.Scalar(), .where = place_of(cases_, item.first)};
       check_name(one.name, one.where);
       if (!item.second.IsNull() && !item.second.IsMap()) {
-        throw fail(item.second, "cases." + one.name, "not a map", allowed);
+        throw spec_error(cases_, item.second, "cases." + one.name, "not a map", allowed);
       }
       for (const auto& setting : item.second) {
         one.settings.push_back(
-            {setting.first.Scalar(), setting.second, place_of(path_, setting.first)});
+            {setting.first.Scalar(), setting.second, place_of(cases_, setting.first), cases_});
       }
       named.push_back(std::move(one));
     }
@@ -104,7 +91,7 @@ class CaseReader {
   std::vector<Case> read_points(const YAML::Node& sweep) const {
     if (sweep.IsMap()) return product_of(sweep);
     if (!sweep.IsSequence() || sweep.size() == 0) {
-      throw fail(sweep, "sweep", "neither a map nor a list of maps", sweep_example);
+      throw spec_error(sweep_, sweep, "sweep", "neither a map nor a list of maps", sweep_example);
     }
     std::vector<Case> points;
     for (const auto& part : sweep) {
@@ -116,13 +103,15 @@ class CaseReader {
 
   // Every value by every value; the last name varies fastest.
   std::vector<Case> product_of(const YAML::Node& axes) const {
-    if (!axes.IsMap() || axes.size() == 0) throw fail(axes, "sweep", "not a map", sweep_example);
-    std::vector<Case> points = {Case{.where = place_of(path_, axes)}};
+    if (!axes.IsMap() || axes.size() == 0)
+      throw spec_error(sweep_, axes, "sweep", "not a map", sweep_example);
+    std::vector<Case> points = {Case{.where = place_of(sweep_, axes)}};
     for (const auto& axis : axes) {
       const std::string name = axis.first.Scalar();
       const bool list = axis.second.IsSequence();
       if (!axis.second.IsScalar() && !(list && axis.second.size() > 0)) {
-        throw fail(axis.second, "sweep." + name, "not a list of values", sweep_example);
+        throw spec_error(sweep_, axis.second, "sweep." + name, "not a list of values",
+                         sweep_example);
       }
       std::vector<Case> finer;
       for (const auto& point : points) {
@@ -131,8 +120,8 @@ class CaseReader {
           finer.push_back(joined(point, point_at(axis.first, value)));
         }
         if (finer.size() > max_cases) {
-          throw fail(axis.second, "sweep." + name, "too many points",
-                     fmt::format("at most {}", max_cases));
+          throw spec_error(sweep_, axis.second, "sweep." + name, "too many points",
+                           fmt::format("at most {}", max_cases));
         }
       }
       points = std::move(finer);
@@ -150,7 +139,7 @@ class CaseReader {
       text = flow.c_str();
     }
     return {.name = short_name + "=" + folder_name(text),
-            .settings = {{name, value, place_of(path_, value)}}};
+            .settings = {{name, value, place_of(sweep_, value), sweep_}}};
   }
 
   static std::string folder_name(const std::string& text) {
@@ -175,14 +164,13 @@ class CaseReader {
     }
   }
 
-  const fs::path& path_;
+  const fs::path &cases_, &sweep_;
 };
 
 }  // namespace
 
-std::vector<Case> read_cases(const fs::path& path, const YAML::Node& cases,
-                             const YAML::Node& sweep) {
-  return CaseReader(path).read(cases, sweep);
+std::vector<Case> read_cases(const SpecFile& cases, const SpecFile& sweep) {
+  return CaseReader(cases.path, sweep.path).read(cases.root["cases"], sweep.root["sweep"]);
 }
 
 }  // namespace viscera

@@ -19,6 +19,8 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/engine/spec_file.hpp"
+
 namespace viscera {
 
 inline constexpr std::size_t max_cases = 10000;
@@ -27,6 +29,7 @@ struct CaseSetting {
   std::string name;  // VARIABLE or STAGE.PARAM
   YAML::Node value;
   std::string where;  // file:line:column of the name
+  std::filesystem::path file;
 };
 
 struct Case {
@@ -35,10 +38,10 @@ struct Case {
   std::vector<CaseSetting> settings;
 };
 
-// At least one. What the settings name is not checked here. Throws Error(bad_config) with
+// Of the files that have the last word on `cases:` and `sweep:`, which need not be there; at least
+// one. What the settings name is not checked here. Throws Error(bad_config) with
 // file:line:column for what is no map or list, names that cannot name a folder or come twice, and
 // more than max_cases.
-std::vector<Case> read_cases(const std::filesystem::path& path, const YAML::Node& cases,
-                             const YAML::Node& sweep);
+std::vector<Case> read_cases(const SpecFile& cases, const SpecFile& sweep);
 
 }  // namespace viscera

@@ -2,7 +2,8 @@
 // replaces ${variables} and applies --set; what the params mean is checked by graph.hpp.
 //
 //   viscera: 1
-//   vars:
+//   include: base.yaml                       # specs that this one goes on from (spec_file.hpp)
+//   vars:                                    # (variables.hpp)
 //     input: ../sample_data/phantom.nrrd     # empty: must be given with --set input=FILE
 //   stages:
 //     labels:
@@ -33,7 +34,7 @@ struct SpecParam {
 
 struct SpecInput {
   std::string role;
-  std::filesystem::path path;  // resolved: relative to the spec, or to the current folder by --set
+  std::filesystem::path path;  // resolved: relative to its file, or to the current folder by --set
   std::string where;
 };
 

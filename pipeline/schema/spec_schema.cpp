@@ -119,8 +119,10 @@ Json spec_schema(const std::vector<StageInfo>& stages) {
   const Json table{{"type", "string"}, {"description", "a table of cases (.csv) beside the spec"}};
   const Json one_case = any_of({reference("case"), {{"type", "null"}}});
   const Json sweeps{{"type", "array"}, {"minItems", 1}, {"items", reference("sweep")}};
+  const Json files{{"type", "array"}, {"items", {{"type", "string"}}}};
   Json properties{
       {"viscera", {{"const", 1}}},
+      {"include", any_of({{{"type", "string"}}, files})},
       {"vars", {{"type", Json::array({"object", "null"})}, {"additionalProperties", value}}},
       {"stages", map_of(references, false)},
       {"cases", any_of({table, map_of(Json::object(), one_case)})},
@@ -129,7 +131,9 @@ Json spec_schema(const std::vector<StageInfo>& stages) {
   return {{"$schema", "http://json-schema.org/draft-07/schema#"},
           {"title", "A run of viscera"},
           {"type", "object"},
-          {"required", Json::array({"viscera", "stages"})},
+          {"required", Json::array({"viscera"})},
+          {"anyOf", Json::array({{{"required", Json::array({"stages"})}},
+                                 {{"required", Json::array({"include"})}}})},
           {"properties", std::move(properties)},
           {"additionalProperties", false},
           {"definitions", definitions_of(stages)}};
