@@ -7,21 +7,17 @@
 
 #include "pipeline/contract/param.hpp"
 #include "tests/cli/workplace.hpp"
+#include "tests/common/needs.hpp"
 
 namespace viscera::test {
 namespace {
 
 namespace fs = std::filesystem;
 
-bool installed(const char* program) {
-  const std::string command = fmt::format("command -v {} >/dev/null", program);
-  return std::system(command.c_str()) == 0;
-}
-
 class Cohort : public testing::Test {
  protected:
   void SetUp() override {
-    if (!installed("snakemake")) GTEST_SKIP() << "snakemake is not installed";
+    VISCERA_NEEDS(installed("snakemake"), "snakemake");
     fs::create_directories(work_.path("pipeline"));
     fs::copy(fs::path(VISCERA_ROOT) / "pipeline/cohort", work_.path("pipeline/cohort"),
              fs::copy_options::recursive);

@@ -17,6 +17,7 @@
 #include "stages/tetmesh/export.hpp"
 #include "stages/tetmesh/import.hpp"
 #include "stages/tetmesh/topology.hpp"
+#include "tests/common/needs.hpp"
 #include "tests/geometry/shapes.hpp"
 
 namespace viscera {
@@ -121,7 +122,7 @@ TEST_F(TetExchange, EveryFormatWritesTheSameBytesTwice) {
 // A linear displacement given on the whole boundary must come out linear inside, with the stress of
 // Hooke's law: node order, sets, materials and units as CalculiX understands them.
 TEST_F(TetExchange, CalculixSolvesThePatchTestOnTheAbaqusFile) {
-  if (std::system("command -v ccx >/dev/null") != 0) GTEST_SKIP() << "no ccx (calculix-ccx) here";
+  VISCERA_NEEDS(installed("ccx"), "calculix-ccx");
   const TetMesh mesh = two_materials(3);
   const double youngs = 20e3, poisson = 0.3, stretch = 1e-3;
   const Elastic soft{youngs, poisson, 1060.0};

@@ -6,10 +6,9 @@
 #include <filesystem>
 
 #include "pipeline/contract/atomic_file.hpp"
-#include "stages/common/tet_io.hpp"
 #include "stages/live/session.hpp"
 #include "stages/simulate/stage.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/simulate/cube.hpp"
 
 namespace viscera::live {
 
@@ -32,17 +31,7 @@ class Live : public testing::Test {
 
   fs::path path(const std::string& name) const { return folder_.path() / name; }
 
-  void write_mesh(const std::string& name, int cells) const {
-    const sim::Model model = sim::make_cube(cells);
-    TetMesh mesh{.tets = model.tets,
-                 .labels = std::vector<int>(model.tet_count(), 7),
-                 .label_names = {{7, "liver"}}};
-    for (const auto& x : model.rest) {
-      mesh.points.push_back({1e3 * (x.x + model.origin.x), 1e3 * (x.y + model.origin.y),
-                             1e3 * (x.z + model.origin.z) + 50.0});
-    }
-    write_vtu(path(name), mesh);
-  }
+  void write_mesh(const std::string& name, int cells) const { write_cube(path(name), cells); }
 
   std::unique_ptr<World> make_world(const std::string& scene = live_scene,
                                     std::vector<std::string> set = {}) const {
@@ -71,11 +60,5 @@ class Live : public testing::Test {
  private:
   TemporaryFolder folder_;
 };
-
-inline std::string with(std::string scene, const std::string& old, const std::string& replacement) {
-  const auto at = scene.find(old);
-  EXPECT_NE(at, std::string::npos) << old;
-  return scene.replace(at, old.size(), replacement);
-}
 
 }  // namespace viscera::live

@@ -7,6 +7,7 @@
 
 #include <fstream>
 
+#include "tests/common/needs.hpp"
 #include "tests/live/live_run.hpp"
 #include "tests/live/screen.hpp"
 
@@ -25,10 +26,6 @@ pid_t start(const std::vector<std::string>& words, const fs::path& errors, const
   if (!freopen(errors.c_str(), "w", stderr) || !freopen(out.c_str(), "w", stdout)) _exit(126);
   execvp(argv[0], argv.data());
   _exit(127);
-}
-
-bool has_program(const char* name) {
-  return std::system(fmt::format("command -v {} > /dev/null", name).c_str()) == 0;
 }
 
 void sleep_ms(int ms) {
@@ -51,7 +48,7 @@ bool is_light(const Pixel& c) {
 class LiveWindow : public Live {
  protected:
   void SetUp() override {
-    if (!has_program("Xvfb") || !has_program("xdotool")) GTEST_SKIP() << "no Xvfb or no xdotool";
+    VISCERA_NEEDS(installed("Xvfb") && installed("xdotool"), "xvfb or xdotool");
     server_ = start({"Xvfb", "-displayfd", "1", "-screen", "0", "1300x820x24"}, path("xvfb"),
                     path("display"));
     std::string number;

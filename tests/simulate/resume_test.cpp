@@ -74,19 +74,11 @@ class Resumed : public Simulate {
   }
 };
 
-const char* const slow_scene = R"(scene: 1
-materials:
-  liver: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3, damping: 20 ms}
-effects:
-  neo_hookean:
-  gravity: {acceleration: 9.8 m/s2}
-  ground: {clearance: 5 mm, friction: 0.3}
-  viscosity:
-time: {frame_rate: 60 Hz, substeps: 2000, end: 1.2 s}
-schedule:
-  - at: 0.1 s
-    materials: {liver: {E: 8 kPa}}
-)";
+// Many substeps and a material that changes on the way.
+const std::string slow_scene =
+    with(with(drop_scene, "substeps: 32, end: 4 s", "substeps: 2000, end: 1.2 s"),
+         "rest: {speed: 5 mm/s, hold: 0.1 s}\nexpect:\n  inverted_max: {max: 0}\n",
+         "schedule:\n  - at: 0.1 s\n    materials: {liver: {E: 8 kPa}}\n");
 
 TEST_F(Resumed, ARunGoesOnToTheSameBitsAsOneThatNobodyStopped) {
   for (const std::string solver : {"xpbd", "tled", "fem"}) {

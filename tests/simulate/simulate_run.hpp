@@ -6,9 +6,8 @@
 #include <filesystem>
 
 #include "pipeline/contract/atomic_file.hpp"
-#include "stages/common/tet_io.hpp"
 #include "stages/simulate/stage.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/simulate/cube.hpp"
 
 namespace viscera {
 
@@ -30,14 +29,7 @@ expect:
 
 class Simulate : public testing::Test {
  protected:
-  Simulate() : folder_(fs::temp_directory_path()) {
-    const sim::Model model = sim::make_cube(3);
-    TetMesh mesh{.tets = model.tets,
-                 .labels = std::vector<int>(model.tet_count(), 7),
-                 .label_names = {{7, "liver"}}};
-    for (const auto& x : model.rest) mesh.points.push_back({1e3 * x.x, 1e3 * x.y, 1e3 * x.z + 50});
-    write_vtu(path("mesh.vtu"), mesh);
-  }
+  Simulate() : folder_(fs::temp_directory_path()) { write_cube(path("mesh.vtu"), 3); }
 
   fs::path path(const std::string& name) const { return folder_.path() / name; }
 
@@ -86,11 +78,5 @@ class Simulate : public testing::Test {
  private:
   TemporaryFolder folder_;
 };
-
-inline std::string with(std::string scene, const std::string& old, const std::string& replacement) {
-  const auto at = scene.find(old);
-  EXPECT_NE(at, std::string::npos) << old;
-  return scene.replace(at, old.size(), replacement);
-}
 
 }  // namespace viscera

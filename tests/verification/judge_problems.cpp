@@ -15,16 +15,13 @@
 #include <stdexcept>
 
 #include "pipeline/contract/atomic_file.hpp"
+#include "tests/common/needs.hpp"
 #include "tests/verification/problems.hpp"
 
 namespace viscera::sim {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool is_installed() {
-  return std::system("command -v ccx > /dev/null 2>&1") == 0;
-}
 
 void write_deck(const fs::path& file, const Model& model) {
   std::ofstream out(file);
@@ -118,7 +115,7 @@ void add_size(std::vector<Row>& rows, const Size& size) {
 }  // namespace
 
 void add_judge_problems(std::vector<Row>& rows) {
-  if (!is_installed()) {
+  if (!installed("ccx") && !must_have_packages()) {
     rows.push_back({"judge", "bar against CalculiX", "any", "fp64", []() -> Outcome {
                       return {{}, "skipped: ccx is not installed (Debian's calculix-ccx)", ""};
                     }});

@@ -62,10 +62,6 @@ double difference(const Picture& a, const Picture& b, int left, int top, int w, 
   return different / (static_cast<double>(w) * h);
 }
 
-bool Browser::available() {
-  return std::system("command -v chromium >/dev/null 2>&1") == 0;
-}
-
 std::string Browser::run(const std::string& address, int width, int height,
                          const std::string& action) {
   const fs::path log = scratch_ / "log", document = scratch_ / "document";

@@ -27,8 +27,6 @@ class Browser {
  public:
   explicit Browser(std::filesystem::path scratch) : scratch_(std::move(scratch)) {}
 
-  static bool available();  // chromium is in PATH
-
   // `address` is "file:///…/report.html#t=0.5". Throws std::runtime_error when Chromium fails.
   Picture screenshot(const std::string& address, int width, int height);
   std::string document(const std::string& address, int width, int height);

@@ -12,6 +12,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "stages/common/image_io.hpp"
+#include "tests/common/needs.hpp"
 #include "tests/geometry/shapes.hpp"
 #include "tests/web/sample_run.hpp"
 
@@ -28,9 +29,7 @@ struct Rectangle {
 
 class Web : public ::testing::Test {
  protected:
-  void SetUp() override {
-    if (!Browser::available()) GTEST_SKIP() << "no chromium in PATH";
-  }
+  void SetUp() override { VISCERA_NEEDS(installed("chromium"), "chromium"); }
 
   // Runs viscera-report on the named inputs of a sample run.
   void make_report(const SampleRun& run, const std::vector<std::string>& inputs) {

@@ -8,6 +8,7 @@
 #include <regex>
 
 #include "pipeline/contract/atomic_file.hpp"
+#include "tests/common/needs.hpp"
 #include "tests/web/browser.hpp"
 #include "tests/web/sample_run.hpp"
 
@@ -21,7 +22,7 @@ constexpr int width = 1400, height = 2600;
 class CompareWeb : public testing::Test {
  protected:
   void SetUp() override {
-    if (!Browser::available()) GTEST_SKIP() << "no chromium in PATH";
+    VISCERA_NEEDS(installed("chromium"), "chromium");
     std::string inputs;
     for (const int frames : {12, 8}) {
       const fs::path run = folder_.path() / std::to_string(frames);

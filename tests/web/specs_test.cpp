@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "pipeline/contract/atomic_file.hpp"
+#include "tests/common/needs.hpp"
 
 namespace viscera {
 namespace {
@@ -46,11 +47,9 @@ TEST(Specs, OfTheGpuBundlePlanOnTheMeshesThatItMakes) {
   EXPECT_EQ(specs_that_plan("configs/gpu", "meshes=" + folder.path().string(), folder.path()), 2);
 }
 
-// Python's jsonschema is there with snakemake.
 TEST(Specs, OfTheProjectFollowTheirSchemaAndWhatIsWrongDoesNot) {
-  if (std::system("python3 -c 'import jsonschema, yaml' 2>/dev/null") != 0) {
-    GTEST_SKIP() << "python3-jsonschema and python3-yaml are not installed";
-  }
+  VISCERA_NEEDS(works("python3 -c 'import jsonschema, yaml'"),
+                "python3-jsonschema or python3-yaml");
   const TemporaryFolder folder(fs::temp_directory_path());
   write_atomically(folder.path() / "check.py", R"(
 import glob, json, subprocess, sys, yaml, jsonschema
