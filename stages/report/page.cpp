@@ -4,8 +4,6 @@
 #include <map>
 #include <string_view>
 
-#include "stages/report/web_files.hpp"
-
 namespace viscera {
 namespace {
 
@@ -45,17 +43,16 @@ std::string script_json(const Json& json) {
   return out;
 }
 
-// Every {{name}} of the skeleton replaced once; the replacements are not searched again.
-std::string filled(std::string_view skeleton,
-                   const std::map<std::string_view, std::string>& parts) {
+// Every {{name}} of the shell replaced once; the replacements are not searched again.
+std::string filled(std::string_view shell, const std::map<std::string_view, std::string>& parts) {
   std::string page;
   while (true) {
-    const auto begin = skeleton.find("{{");
-    if (begin == std::string_view::npos) return page.append(skeleton);
-    const auto end = skeleton.find("}}", begin);
-    page.append(skeleton.substr(0, begin));
-    page += parts.at(skeleton.substr(begin + 2, end - begin - 2));
-    skeleton.remove_prefix(end + 2);
+    const auto begin = shell.find("{{");
+    if (begin == std::string_view::npos) return page.append(shell);
+    const auto end = shell.find("}}", begin);
+    page.append(shell.substr(0, begin));
+    page += parts.at(shell.substr(begin + 2, end - begin - 2));
+    shell.remove_prefix(end + 2);
   }
 }
 
@@ -79,28 +76,24 @@ std::string base64(std::string_view bytes) {
   return out;
 }
 
-std::string filled_page(std::string_view skeleton, const std::vector<std::string_view>& files,
-                        const std::string& title, const Json& report,
+std::string filled_page(const web::Page& page, const std::string& title, const Json& report,
                         const std::string& packed_geometry, const std::string& packed_slices) {
   std::string scripts;
-  for (const std::string_view file : files) {
+  for (const std::string_view file : page.scripts) {
     scripts += "<script>\n";
     scripts += file;
     scripts += "\n</script>\n";
   }
-  return filled(skeleton, {{"title", escaped_html(title)},
-                           {"style", std::string(web::style())},
-                           {"licences", std::string(web::licences())},
-                           {"scripts", scripts},
-                           {"report", script_json(report)},
-                           {"geometry", base64(packed_geometry)},
-                           {"slices", base64(packed_slices)}});
-}
-
-std::string report_page(const std::string& title, const Json& report,
-                        const std::string& packed_geometry, const std::string& packed_slices) {
-  return filled_page(web::skeleton(), web::scripts(), title, report, packed_geometry,
-                     packed_slices);
+  return filled(web::shell(), {{"title", escaped_html(title)},
+                               {"style", std::string(web::style())},
+                               {"first", std::string(page.first)},
+                               {"main", std::string(page.main)},
+                               {"stage", std::string(page.stage)},
+                               {"licences", std::string(web::licences())},
+                               {"scripts", scripts},
+                               {"report", script_json(report)},
+                               {"geometry", base64(packed_geometry)},
+                               {"slices", base64(packed_slices)}});
 }
 
 }  // namespace viscera

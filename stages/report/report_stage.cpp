@@ -105,7 +105,7 @@ void make_report(StageRun& run) {
     report["slices"] = std::move(slices.meta);
     packed_slices = std::move(slices.packed);
   }
-  const std::string page = report_page(title, report, geometry, packed_slices);
+  const std::string page = filled_page(web::report(), title, report, geometry, packed_slices);
   write_atomically(run.out("report.html"), page);
   write_atomically(run.out("summary.json"),
                    summary_of(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n");

@@ -5,6 +5,7 @@
   extern "C" const char viscera_web_##name[]; \
   extern "C" const char viscera_web_##name##_end[]
 
+VISCERA_WEB_FILE(shell_html);
 VISCERA_WEB_FILE(report_html);
 VISCERA_WEB_FILE(report_css);
 VISCERA_WEB_FILE(licences_html);
@@ -34,8 +35,8 @@ VISCERA_WEB_FILE(cohort_js);
 
 namespace viscera::web {
 
-std::string_view skeleton() {
-  return VISCERA_WEB_VIEW(report_html);
+std::string_view shell() {
+  return VISCERA_WEB_VIEW(shell_html);
 }
 
 std::string_view licences() {
@@ -48,7 +49,7 @@ std::string_view style() {
 
 namespace {
 
-// The libraries and what both pages need, then what is a page's own.
+// The libraries and what pages with a 3D view need, then what is a page's own.
 std::vector<std::string_view> with_common(std::initializer_list<std::string_view> own) {
   std::vector<std::string_view> files{
       VISCERA_WEB_VIEW(three_min_js), VISCERA_WEB_VIEW(OrbitControls_js),
@@ -61,28 +62,25 @@ std::vector<std::string_view> with_common(std::initializer_list<std::string_view
 
 }  // namespace
 
-std::vector<std::string_view> scripts() {
-  return with_common({VISCERA_WEB_VIEW(marks_js), VISCERA_WEB_VIEW(viewer_js),
-                      VISCERA_WEB_VIEW(slices_js), VISCERA_WEB_VIEW(tables_js),
-                      VISCERA_WEB_VIEW(lost_js), VISCERA_WEB_VIEW(main_js)});
+Page report() {
+  return {"report", "result", VISCERA_WEB_VIEW(report_html),
+          with_common({VISCERA_WEB_VIEW(marks_js), VISCERA_WEB_VIEW(viewer_js),
+                       VISCERA_WEB_VIEW(slices_js), VISCERA_WEB_VIEW(tables_js),
+                       VISCERA_WEB_VIEW(lost_js), VISCERA_WEB_VIEW(main_js)})};
 }
 
-std::string_view compare_skeleton() {
-  return VISCERA_WEB_VIEW(compare_html);
+Page compare() {
+  return {"compare", "answers", VISCERA_WEB_VIEW(compare_html),
+          with_common({VISCERA_WEB_VIEW(overlay_js), VISCERA_WEB_VIEW(study_charts_js),
+                       VISCERA_WEB_VIEW(compare_js)})};
 }
 
-std::vector<std::string_view> compare_scripts() {
-  return with_common({VISCERA_WEB_VIEW(overlay_js), VISCERA_WEB_VIEW(study_charts_js),
-                      VISCERA_WEB_VIEW(compare_js)});
-}
-
-std::string_view cohort_skeleton() {
-  return VISCERA_WEB_VIEW(cohort_html);
-}
-
-std::vector<std::string_view> cohort_scripts() {
-  return {VISCERA_WEB_VIEW(chart_min_js), VISCERA_WEB_VIEW(format_js), VISCERA_WEB_VIEW(charts_js),
-          VISCERA_WEB_VIEW(page_js), VISCERA_WEB_VIEW(cohort_js)};
+Page cohort() {
+  return {"cohort",
+          "cases",
+          VISCERA_WEB_VIEW(cohort_html),
+          {VISCERA_WEB_VIEW(chart_min_js), VISCERA_WEB_VIEW(format_js), VISCERA_WEB_VIEW(charts_js),
+           VISCERA_WEB_VIEW(page_js), VISCERA_WEB_VIEW(cohort_js)}};
 }
 
 }  // namespace viscera::web

@@ -6,15 +6,20 @@
 
 namespace viscera::web {
 
-std::string_view skeleton();              // report.html with its {{places}}
-std::string_view style();                 // report.css
-std::string_view licences();              // of the libraries, for every skeleton's footer
-std::vector<std::string_view> scripts();  // in the order in which they must run
+// What a stage's page is made of; shell.html stands around it.
+struct Page {
+  std::string_view stage;
+  std::string_view first;                 // the id of its first section
+  std::string_view main;                  // what stands in <main>
+  std::vector<std::string_view> scripts;  // in the order in which they must run
+};
 
-std::string_view compare_skeleton();  // compare.html, with the same style
-std::vector<std::string_view> compare_scripts();
+Page report();
+Page compare();
+Page cohort();  // no 3D view, so without three.js
 
-std::string_view cohort_skeleton();  // cohort.html: no 3D view, so without three.js
-std::vector<std::string_view> cohort_scripts();
+std::string_view shell();     // shell.html with its {{places}}
+std::string_view style();     // report.css
+std::string_view licences();  // of the libraries
 
 }  // namespace viscera::web

@@ -268,7 +268,7 @@ TEST_F(Report, EqualInputsGiveEqualPages) {
     Json report = read_sources(inputs);
     const ViewerData data = viewer_data(TrajectoryReader(inputs.at("trajectory")), 9, "x");
     report["viewer"] = data.meta;
-    return report_page("t", report, data.packed, "");
+    return filled_page(web::report(), "t", report, data.packed, "");
   };
   EXPECT_EQ(page(), page());
 }
@@ -356,7 +356,7 @@ TEST_F(Report, NothingToReportOnIsAUsageError) {
 
 TEST_F(Report, TitlesAreEscapedAndDataCannotEndItsScript) {
   const std::string page =
-      report_page("<b>&\"liver\"", Json{{"name", "</script><script>"}}, "", "");
+      filled_page(web::report(), "<b>&\"liver\"", Json{{"name", "</script><script>"}}, "", "");
   EXPECT_NE(page.find("<title>&lt;b&gt;&amp;&quot;liver&quot;</title>"), std::string::npos);
   EXPECT_EQ(page.find("</script><script>"), std::string::npos);
   EXPECT_NE(page.find("\\u003c/script>\\u003cscript>"), std::string::npos);

@@ -164,8 +164,7 @@ void report(StageRun& run) {
                   {"libraries", cohort_stage().info.libraries},
                   {"cases", rows},
                   {"spreads", spreads}};
-  write_atomically(run.out("cohort.html"),
-                   filled_page(web::cohort_skeleton(), web::cohort_scripts(), title, page));
+  write_atomically(run.out("cohort.html"), filled_page(web::cohort(), title, page));
   run.metric("cases", rows.size());
   run.metric("ok", states["ok"]);
   run.metric("gates_failed", states["gates failed"]);

@@ -235,8 +235,7 @@ void compare(StageRun& run) {
   for (const char* shown : {"figures", "views"}) programs.erase(shown);
   write_atomically(run.out("study.json"), programs.dump(1) + "\n");
   write_tables(run, report);
-  const std::string page = filled_page(web::compare_skeleton(), web::compare_scripts(),
-                                       run.param<std::string>("title"), report);
+  const std::string page = filled_page(web::compare(), run.param<std::string>("title"), report);
   write_atomically(run.out("compare.html"), page);
   run.metric("runs", runs.size());
   run.machine_metric("page_size", static_cast<double>(page.size()) / 1e6, "MB");
