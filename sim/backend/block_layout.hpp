@@ -8,7 +8,9 @@
 #include "sim/coloring.hpp"
 #include "sim/partition.hpp"
 #include "sim/row.hpp"
+#include "sim/solvers/linearized.hpp"
 #include "sim/solvers/program.hpp"
+#include "sim/stability.hpp"
 
 namespace viscera::sim {
 
@@ -186,6 +188,28 @@ class BlockLayout {
     }
     result.rest = rest_of(effect, result.element_of);
     return result;
+  }
+
+  // Whether to linearise elements before a sweep (solvers/linearized.hpp): unless that would soften
+  // the body, and the step is one that elements evaluated anew bear. `cs` is that of stability.hpp.
+  template <class Effect, class T>
+  bool linearizes(const Prepared<Effect, T>& effect, const Program<T>& program, double cs) const {
+    if (cs > cs_limit) return true;
+    double softening = 0.0, whole = 0.0;
+    if constexpr (is_eliminated<Effect>) {
+      const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
+      for (std::size_t e = 0; e < effect.rest.size(); ++e) {
+        T mobility[Effect::arity];
+        for (int i = 0; i < Effect::arity; ++i) {
+          const int v = effect.vertices[e][i];
+          mobility[i] = static_cast<T>(copies_of(v).size()) * program.inverse_mass[v] * dt2;
+        }
+        const double volume = Effect::volume(effect.rest[e]);
+        softening += volume * (1.0 / Effect::relaxation(effect.rest[e], mobility) - 1.0);
+        whole += volume;
+      }
+    }
+    return softening <= most_softening * whole;
   }
 
   // Constant data of the elements in the order that `element_of` has them.

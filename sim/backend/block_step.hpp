@@ -25,6 +25,7 @@ struct BlockView<Effect, T, EffectKind::element> {
   const int* phase_begin;  // [phases + 1] first element
   int phases;
   int close;  // where a device keeps `rest` and `vertices` in shared memory, bytes; -1: nowhere
+  bool linearizes;
 };
 template <class Effect, class T>
 struct BlockView<Effect, T, EffectKind::region> {};
@@ -42,7 +43,8 @@ struct EffectView<Effect, T, EffectKind::element> {
   T* memory;
   const int* phase_begin;
   const int* block_phase;  // [blocks + 1] first phase
-  int close = -1;
+  int close;
+  bool linearizes;
 };
 
 // A sweep reads ahead in the table of phases, where the last bound stands again and again.
@@ -64,7 +66,8 @@ SIM_HD int* view_of_block(const EffectView<Effect, T>& all, int block, int lane,
     }
     if (lane == 0) {
       T* const memory = all.memory + static_cast<std::size_t>(first) * memory_of<Effect>;
-      view = {all.vertices + first, all.rest + first, memory, table, phases, all.close};
+      view = {all.vertices + first, all.rest + first, memory, table, phases, all.close,
+              all.linearizes};
     }
     return table + phases + phases_ahead;
   } else {

@@ -248,7 +248,7 @@ __device__ void sweep_effect(const BlockView<Effect, T>& view, const BlockVertic
   }
   const auto constants = close_constants(view, count, work);
   if constexpr (is_linearizable<Effect>) {
-    if (linearizes) {
+    if (linearizes && view.linearizes) {
       auto* const elements = work.as<LinearizedElement<Effect, T>>();
       linearize_elements(x, constants, memory, count, elements);
       return sweep(LinearizedWork<Effect, T>{x, elements}, bounds, phases, team);

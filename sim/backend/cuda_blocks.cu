@@ -31,9 +31,10 @@ struct DeviceElements {
   DeviceArray<Rest> rest;
   std::vector<DeviceArray<Rest>> own_rest;  // [members], empty where it is `rest`
   DeviceArray<int> phase_begin, block_phase;
-  DeviceArray<T> memory;  // [members * elements * memory_of]
-  int most_elements;      // of a block
-  int close = -1;         // where blocks keep constants close, bytes; -1: nowhere
+  DeviceArray<T> memory;         // [members * elements * memory_of]
+  std::vector<char> linearizes;  // [members]
+  int most_elements;             // of a block
+  int close = -1;                // where blocks keep constants close, bytes; -1: nowhere
 
   DeviceElements(BlockElements<Effect, T>&& host, int members)
       : element_of(std::move(host.element_of)),
@@ -43,6 +44,7 @@ struct DeviceElements {
         phase_begin(host.phase_begin),
         block_phase(host.block_phase),
         memory(members * host.rest.size() * memory_of<Effect>),
+        linearizes(members, 1),
         most_elements(host.most_elements()) {}
 
   EffectView<Effect, T> view(int member) const {
@@ -52,7 +54,8 @@ struct DeviceElements {
             memory.get() + member * element_of.size() * memory_of<Effect>,
             phase_begin.get(),
             block_phase.get(),
-            close};
+            close,
+            linearizes[member] != 0};
   }
   // A member that has what all have keeps nothing of its own.
   void set_rest(int member, const std::vector<Rest>& host) {
@@ -91,7 +94,7 @@ class CudaBlocks final : public Ensemble {
         layout_(model, program_, tets_per_block, team_of(program_, tets_per_block)) {
     require_device_memory(bytes_needed());
     place_vertices();
-    place_effects();
+    place_effects(assess(model, scene).cs_max);
     share_out_memory();
     make_views();
     frame_.dt = program_.dt;
@@ -139,6 +142,7 @@ class CudaBlocks final : public Ensemble {
   void retune(int member, const Model& model, const Scene& scene) override {
     check_scene(scene);
     program_.retune({model, scene});
+    const double cs = assess(model, scene).cs_max;
     Effects::for_each([&]<class Effect, std::size_t i>() {
       const auto& effects = std::get<i>(program_.effects);
       for (std::size_t k = 0; k < effects.size(); ++k) {
@@ -146,6 +150,7 @@ class CudaBlocks final : public Ensemble {
         if constexpr (Effect::kind == EffectKind::element) {
           auto& own = std::get<i>(own_)[k];
           own.set_rest(member, layout_.rest_of(effects[k], own.element_of));
+          own.linearizes[member] = layout_.linearizes(effects[k], program_, cs);
           views[member * effects.size() + k] = own.view(member);
         } else if constexpr (requires { effects[k].device; }) {
           views[member * effects.size() + k].device = effects[k].device;
@@ -255,7 +260,7 @@ class CudaBlocks final : public Ensemble {
     return team;
   }
 
-  void place_effects() {
+  void place_effects(double cs) {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       const auto& effects = std::get<i>(program_.effects);
       const int count = static_cast<int>(effects.size());
@@ -265,7 +270,8 @@ class CudaBlocks final : public Ensemble {
         for (const auto& effect : effects) {
           auto elements = layout_.lay_out(effect);
           frame_.most_table += table_size(elements.most_phases());
-          std::get<i>(own_).emplace_back(std::move(elements), members_);
+          auto& own = std::get<i>(own_).emplace_back(std::move(elements), members_);
+          std::ranges::fill(own.linearizes, layout_.linearizes(effect, program_, cs));
         }
       }
     });

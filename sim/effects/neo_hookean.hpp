@@ -14,6 +14,8 @@
 // C_H + lambda0_H/k_H = det F - 1. Derived for this project; single precision drifts 30 times less.
 #pragma once
 
+#include <cmath>
+
 #include "sim/effects/effect.hpp"
 #include "sim/selection.hpp"
 
@@ -126,8 +128,10 @@ struct NeoHookean {
   //   response = rho (C + rho A)^-1 with A_bb = sum w b.b and so on, and from lambda0 and S (above)
   //   C_bb = k_D I_C + k_D (gamma - 1),   C_bg = gamma - 1,   C_gg = 1/k_H
   //   rho = min(1, 0.4 / (k_D sum w_i |B_i|^2)): an element too stiff for its vertices is relaxed
-  // With both, bodies at random velocities without damping kept their energy at every Cs tried, to
-  // 1.2 (docs/results/cuda.md), where evaluated anew they do to 0.54. Derived for this project.
+  // (relaxation()), and rests as if its stiffness were rho times as large: linearized.hpp bounds
+  // that. With both, bodies at random velocities without damping kept their energy at every Cs
+  // tried, to 1.2 (docs/results/cuda.md), where evaluated anew they do to 0.54. Derived for this
+  // project.
   template <class T>
   struct Linearized {
     Vec3<T> preload[3], swell[3];  // b(0), N; g, 1/m
@@ -152,9 +156,25 @@ struct NeoHookean {
   };
 
   template <class T>
+  static double volume(const Rest<T>& rest) {
+    return 1.0 / (6.0 * std::abs(static_cast<double>(det(rest.rest_inverse))));
+  }
+
+  // rho
+  template <class T>
+  SIM_HD static T relaxation(const Rest<T>& rest, const T (&w)[4]) {
+    constexpr T most = T(0.4);
+    const Mat3<T> rows = transpose(rest.rest_inverse);
+    const Vec3<T> row0 = rows.col[0] + rows.col[1] + rows.col[2];
+    T sum = w[0] * dot(row0, row0);
+    for (int i = 0; i < 3; ++i) sum += w[i + 1] * dot(rows.col[i], rows.col[i]);
+    const T too_stiff = rest.deviatoric * sum;
+    return select(too_stiff > most, most / too_stiff, T(1));
+  }
+
+  template <class T>
   SIM_HD static void linearize(const Rest<T>& rest, const T (&w)[4], const Vec3<T> (&u)[4],
                                const Vec3<T> (&d)[4], Linearized<T>& out) {
-    constexpr T most = T(0.4);
     const Mat3<T> rows = transpose(rest.rest_inverse);
     const Mat3<T> h = displacement_gradient(u, d, rest.rest_inverse);
     const Mat3<T> cof_minus_i = cofactor_strain(h);
@@ -163,14 +183,11 @@ struct NeoHookean {
     Vec3<T> e[3], b[4], g[4], followed[3];
     scatter(-kd, h - cof_minus_i, rest.rest_inverse, b);
     scatter(T(1), plus_identity(T(1), cof_minus_i), rest.rest_inverse, g);
-    const Vec3<T> row0 = rows.col[0] + rows.col[1] + rows.col[2];
-    T too_stiff = kd * w[0] * dot(row0, row0);
     for (int i = 0, at = 0; i < 3; ++i) {
       e[i] = d[i + 1] - d[0];
       out.preload[i] = Vec3<T>{};
       out.swell[i] = g[i + 1];
       for (int j = 0; j <= i; ++j, ++at) out.gram[at] = kd * dot(rows.col[i], rows.col[j]);
-      too_stiff += w[i + 1] * out.gram[at - 1];
     }
     out.preload_at(e, followed);
     T bb = T(0), bg = T(0), gg = T(0), be = T(0), ge = T(0);
@@ -184,7 +201,7 @@ struct NeoHookean {
       be += dot(b[i + 1], e[i]);
       ge += dot(g[i + 1], e[i]);
     }
-    const T rho = select(too_stiff > most, most / too_stiff, T(1));
+    const T rho = relaxation(rest, w);
     const T m00 = whole + rho * bb, m10 = mixed + rho * bg;
     const T m11 = T(1) / rest.hydrostatic + rho * gg;
     const T over = rho / (m00 * m11 - m10 * m10);

@@ -12,7 +12,10 @@
 //
 //   p = g (offset - response g . d),   response = 1/(1/k + A),   offset = response (g . d0 - C)
 //
-// An effect whose multipliers were eliminated by hand (effect.hpp) linearises itself.
+// An effect whose multipliers were eliminated by hand (effect.hpp) linearises itself. It may have
+// to relax elements that are too stiff for their vertices: `relaxation` says how much of their
+// stiffness is left at rest. Where that would soften the body by more than `most_softening`,
+// elements are evaluated anew instead, in a longer time (block_layout.hpp).
 #pragma once
 
 #include "sim/solvers/arithmetic.hpp"
@@ -22,6 +25,10 @@ namespace viscera::sim {
 // What a sweep linearises: more rows would keep more numbers than they save.
 template <class Effect>
 inline constexpr bool is_linearizable = Effect::rows == 1 || is_eliminated<Effect>;
+
+// The mean of 1/rho - 1 over the elements' volume: the part by which a body under one stress gives
+// way more than it should.
+inline constexpr double most_softening = 1e-3;
 
 // Elements of several vertices do not see a motion that these have in common, so the impulse on the
 // first is minus the sum of the others, and only differences to it are needed; an element of one

@@ -36,12 +36,14 @@ class HostBlocks final : public Solver {
     for_each_slot<EffectKind::contact>(program_.effects,
                                        [this]<class Effect>(const auto&) { ++contacts_; });
     corrections_.resize(contacts_ * layout_.locals().size());
+    const double cs = assess(model, scene).cs_max;
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::element) {
         for (const auto& effect : std::get<i>(program_.effects)) {
           auto& own =
               std::get<i>(own_).emplace_back(new ElementsOf<Effect>{layout_.lay_out(effect), {}});
           own->memory.resize(own->rest.size() * memory_of<Effect>);
+          own->linearizes = linearized && layout_.linearizes(effect, program_, cs);
         }
       }
     });
@@ -94,12 +96,14 @@ class HostBlocks final : public Solver {
   }
   void retune(const Model& model, const Scene& scene) override {
     program_.retune({model, scene});
+    const double cs = assess(model, scene).cs_max;
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::element) {
         const auto& effects = std::get<i>(program_.effects);
         for (std::size_t k = 0; k < effects.size(); ++k) {
           auto& own = *std::get<i>(own_)[k];
           std::ranges::copy(layout_.rest_of(effects[k], own.element_of), own.rest.begin());
+          own.linearizes = linearized_ && layout_.linearizes(effects[k], program_, cs);
         }
       }
     });
@@ -121,6 +125,7 @@ class HostBlocks final : public Solver {
   requires(Effect::kind == EffectKind::element) struct ElementsOf<Effect, U>
       : BlockElements<Effect, U> {
     std::vector<U> memory;
+    bool linearizes = true;
   };
   template <class Effect>
   using Own = std::unique_ptr<ElementsOf<Effect>>;
@@ -137,8 +142,10 @@ class HostBlocks final : public Solver {
           const auto& effect = std::get<i>(program_.effects)[k];
           if constexpr (Effect::kind == EffectKind::element) {
             auto& own = *std::get<i>(own_)[k];
-            const EffectView<Effect, T> all{own.vertices.data(), own.rest.data(), own.memory.data(),
-                                            own.phase_begin.data(), own.block_phase.data()};
+            const EffectView<Effect, T> all{own.vertices.data(),    own.rest.data(),
+                                            own.memory.data(),      own.phase_begin.data(),
+                                            own.block_phase.data(), -1,
+                                            own.linearizes};
             tables_.emplace_back(table_size(own.most_phases()));
             view_of_block(all, block, 0, 1, tables_.back().data(), views.emplace_back());
           } else if constexpr (requires { effect.device; }) {
@@ -179,7 +186,7 @@ class HostBlocks final : public Solver {
     const auto memory = [&view](int e) { return view.memory + e * memory_of<Effect>; };
     const int end = view.phase_begin[view.phases];
     if constexpr (is_linearizable<Effect>) {
-      if (linearized_) {
+      if (view.linearizes) {
         std::vector<LinearizedElement<Effect, T>> linearized(end);
         for (int e = 0; e < end; ++e) {
           linearize_element<Effect>(x, view.vertices[e], view.rest[e].rest, memory(e),
