@@ -2,6 +2,7 @@
 // f3].
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #if defined(__CUDACC__)
@@ -130,6 +131,19 @@ SIM_HD Mat3<T> plus_identity(T s, Mat3<T> m) {
 template <class To, class From>
 SIM_HD Mat3<To> cast(const Mat3<From>& m) {
   return {{cast<To>(m.col[0]), cast<To>(m.col[1]), cast<To>(m.col[2])}};
+}
+
+// Of a symmetric matrix, in closed form: Smith, "Eigenvalues of a symmetric 3 x 3 matrix" (CACM
+// 1961).
+inline double largest_eigenvalue(const Mat3<double>& m) {
+  const double mean = (m.col[0].x + m.col[1].y + m.col[2].z) / 3.0;
+  const Mat3<double> deviator = plus_identity(-mean, m);
+  const double size = std::sqrt(squared_norm(deviator) / 6.0);
+  if (!(size > 0.0)) return mean;
+  const Mat3<double> unit{{(1.0 / size) * deviator.col[0], (1.0 / size) * deviator.col[1],
+                           (1.0 / size) * deviator.col[2]}};
+  const double angle = std::acos(std::clamp(0.5 * det(unit), -1.0, 1.0)) / 3.0;
+  return mean + 2.0 * size * std::cos(angle);
 }
 
 }  // namespace viscera::sim

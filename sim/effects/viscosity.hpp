@@ -12,11 +12,12 @@
 // (Lie splitting). The force is taken in full, not through a multiplier, of which one sweep gives
 // smooth motion only half. Each tet's share is a contraction in the norm of the masses while
 //
-//   2 eta dt V |F|^2 sum_i |b_i|^2 / m_i <= 2
+//   2 eta dt V |F|^2 s <= 2,   s the largest eigenvalue of sum_i b_i b_i^T / m_i
 //
-// and eta is lowered, tet by tet and at its present F, to keep the left side below `bound`:
-// whatever the damping, the mesh and the deformation, energy is never added. More substeps lift the
-// limit.
+// (with q_i = sqrt(m_i) d_i and p_i = b_i / sqrt(m_i) its work is 2 eta V / dt |sym(F^T sum q_i
+// p_i^T)|^2, and |sum q_i p_i^T|^2 <= s sum |q_i|^2) and eta is lowered, tet by tet and at its
+// present F, to keep the left side below `bound`: whatever the damping, the mesh and the
+// deformation, energy is never added. More substeps lift the limit.
 #pragma once
 
 #include <algorithm>
@@ -42,22 +43,27 @@ struct Viscosity {
   struct Rest {
     Mat3<T> rest_inverse;  // B, 1/m
     T strength;            // 2 eta V / dt, J
-    T number;              // 2 eta dt V sum |b_i|^2 / m_i
+    T number;              // 2 eta dt V s
   };
 
   static const std::vector<Tet>& elements(const Model& model, const Params&) { return model.tets; }
 
-  // 2 eta dt V sum |b_i|^2 / m_i for the material's full eta; eta is lowered at rest above bound
-  // / 3.
+  // 2 eta dt V s for the material's full eta; eta is lowered at rest above bound / 3.
   static double explicit_number(const Model& model, std::size_t tet, double dt) {
     const Material material = model.material(tet);
     const Mat3<double> b = transpose(model.rest_inverse[tet]);
-    const Vec3<double> first = -(b.col[0] + b.col[1] + b.col[2]);
-    const auto& [v0, v1, v2, v3] = model.tets[tet];
-    const double sum =
-        dot(first, first) / model.mass[v0] + dot(b.col[0], b.col[0]) / model.mass[v1] +
-        dot(b.col[1], b.col[1]) / model.mass[v2] + dot(b.col[2], b.col[2]) / model.mass[v3];
-    return 2.0 * lame(material).mu * material.damping * dt * model.volume[tet] * sum;
+    const Vec3<double> gradients[4] = {-(b.col[0] + b.col[1] + b.col[2]), b.col[0], b.col[1],
+                                       b.col[2]};
+    Mat3<double> sum{};
+    for (int i = 0; i < 4; ++i) {
+      const Vec3<double>& g = gradients[i];
+      const Vec3<double> over = (1.0 / model.mass[model.tets[tet][i]]) * g;
+      sum.col[0] += g.x * over;
+      sum.col[1] += g.y * over;
+      sum.col[2] += g.z * over;
+    }
+    return 2.0 * lame(material).mu * material.damping * dt * model.volume[tet] *
+           largest_eigenvalue(sum);
   }
 
   template <class T>

@@ -388,6 +388,23 @@ TEST(NeoHookean, SmallStrainSlopeIsYoungsModulusForEveryPoissonRatio) {
   }
 }
 
+TEST(Viscosity, ItsBoundTakesTheLargestEigenvalue) {
+  std::mt19937 generator(11);
+  for (const auto& [first, second, third] : std::vector<std::array<double, 3>>{
+           {3.0, 1.0, 0.5}, {2.0, 2.0, 1.0}, {4.0, 1.0, 1.0}, {5.0, 5.0, 5.0}, {1.0, 0.0, 0.0}}) {
+    Vec3<double> a = random_vector(generator, 1.0), b = random_vector(generator, 1.0);
+    a = (1.0 / norm(a)) * a;
+    b -= dot(a, b) * a;
+    b = (1.0 / norm(b)) * b;
+    const Vec3<double> c = cross(a, b);
+    const auto column = [&](double x, double y, double z) {
+      return first * x * a + second * y * b + third * z * c;
+    };
+    const Mat3<double> m{{column(a.x, b.x, c.x), column(a.y, b.y, c.y), column(a.z, b.z, c.z)}};
+    EXPECT_NEAR(largest_eigenvalue(m), first, 1e-7 * first);
+  }
+}
+
 TEST(Viscosity, AShearRateMeetsTheStressOfANewtonianFluid) {
   // The work of the forces over the substep is -V dt (2 eta |D|^2).
   constexpr double dt = 1e-6;
