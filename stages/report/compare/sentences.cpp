@@ -108,6 +108,13 @@ std::string sentence(const Json& scene, const std::string& begin, const char* er
   return fmt::format("{}: {}.", begin, fmt::join(parts, "; "));
 }
 
+// By how much what stands for the body differs from its check.
+std::string sureness(const Json& scene) {
+  const Json& agreement = scene["body"]["agreement_mm"];
+  if (!agreement.is_number()) return "";
+  return fmt::format(" (the body is known to {:.2g} mm)", agreement.get<double>());
+}
+
 }  // namespace
 
 Json sentences_of(const Json& scene, const std::vector<double>& wanted_mm) {
@@ -127,8 +134,9 @@ Json sentences_of(const Json& scene, const std::vector<double>& wanted_mm) {
   const bool has_body = std::ranges::any_of(
       scene["meshes"], [](const Json& mesh) { return !mesh["discretisation_mm"].is_null(); });
   if (has_body) {
-    all.push_back(sentence(scene, fmt::format("{}, mesh and solver together, {}", name, cost),
-                           "total_mm", wanted_mm, ""));
+    all.push_back(sentence(
+        scene, fmt::format("{}, mesh and solver together{}, {}", name, sureness(scene), cost),
+        "total_mm", wanted_mm, ""));
   }
   return all;
 }
