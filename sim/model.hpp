@@ -27,6 +27,9 @@ struct Model {
   std::vector<double> volume;              // [m] det(Dm)/6, m3
   std::vector<double> mass;                // [n] lumped: a quarter of each tet's mass, kg
   std::vector<char> fixed;                 // [n] 1: the vertex does not move
+  // Of quadratic tets the node in the middle of each edge, by the edge's ends in ascending order,
+  // numbered after the vertices. Linear tets have none.
+  std::map<std::array<int, 2>, int> midsides;
 
   std::size_t vertex_count() const { return rest.size(); }
   std::size_t tet_count() const { return tets.size(); }

@@ -187,13 +187,17 @@ TetSubset tets_where(const Model& model, const std::vector<char>& mask, bool val
   return subset;
 }
 
-PatchVertices::PatchVertices(const Model& model, const std::vector<Triangle>& faces) {
+PatchNodes::PatchNodes(const Model& model, const std::vector<Triangle>& faces) {
   std::map<int, double> area_of;
   for (const Triangle& face : faces) {
-    for (const int v : face) area_of[v] += norm(area_vector(model, face)) / 3.0;
+    const double third = norm(area_vector(model, face)) / 3.0;
+    for (int i = 0; i < 3; ++i) {
+      const auto [a, b] = std::minmax(face[i], face[(i + 1) % 3]);
+      area_of[model.midsides.empty() ? face[i] : model.midsides.at({a, b})] += third;
+    }
   }
-  for (const auto& [vertex, own] : area_of) {
-    push_back({vertex});
+  for (const auto& [node, own] : area_of) {
+    push_back({node});
     area.push_back(own);
   }
 }

@@ -51,12 +51,15 @@ inline bool has_label(const Model& model, std::size_t tet, const std::string& la
 // The tets whose entry in a mask is `value`; all where the mask is empty.
 TetSubset tets_where(const Model& model, const std::vector<char>& mask, bool value);
 
-// The vertices of a patch of the surface, in ascending order. A vertex has a third of the patch's
-// triangles around it as its area at rest.
-struct PatchVertices : std::vector<std::array<int, 1>> {
+// The nodes that stand for a patch of the surface, in ascending order, and their areas at rest: of
+// every triangle a third each to its vertices or, where tets are quadratic, to the middles of its
+// edges. These are the integrals of the linear shape functions and of the quadratic ones (those of
+// the corners are zero); as rules of quadrature they are exact to degree 1 and 2 (Strang and Fix,
+// "An Analysis of the Finite Element Method", 1973, table 4.1).
+struct PatchNodes : std::vector<std::array<int, 1>> {
   std::vector<double> area;  // m2
 
-  PatchVertices(const Model& model, const std::vector<Triangle>& faces);
+  PatchNodes(const Model& model, const std::vector<Triangle>& faces);
 };
 
 // The index into Model::materials of the label called so; refused if there is none.

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -23,6 +24,7 @@ namespace {
 
 constexpr std::size_t max_output = 4 << 20;
 constexpr std::size_t max_line = 64 << 10;
+constexpr std::size_t max_arguments = 64 << 10;     // the kernel takes no single one above 128 KiB
 constexpr auto patience = std::chrono::seconds(5);  // between asking a child to end and killing it
 
 Error no_process(const char* what) {
@@ -53,12 +55,12 @@ class Pipe {
 };
 
 // In the child, between fork and exec: only calls that are safe there.
-[[noreturn]] void become(char* const* arguments, char* const* environment, pid_t parent, int output,
-                         int errors) {
+[[noreturn]] void become(char* const* arguments, char* const* environment, pid_t parent, int input,
+                         int output, int errors) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(127);
-  const int nothing = open("/dev/null", O_RDONLY);
-  if (nothing >= 0) dup2(nothing, STDIN_FILENO);
+  if (input < 0) input = open("/dev/null", O_RDONLY);
+  if (input >= 0) dup2(input, STDIN_FILENO);
   dup2(output, STDOUT_FILENO);
   dup2(errors, STDERR_FILENO);
   execve(arguments[0], arguments, environment);
@@ -86,15 +88,41 @@ std::vector<std::string> environment_with(const std::vector<std::string>& more) 
   return all;
 }
 
-pid_t start_child(const std::vector<std::string>& arguments,
-                  const std::vector<std::string>& environment, int output, int errors) {
+// A file without a name that holds the arguments after the first, each ended by a zero byte.
+int file_of(const std::vector<std::string>& arguments) {
+  std::string bytes;
+  for (std::size_t i = 1; i < arguments.size(); ++i) bytes += arguments[i] + '\0';
+  const int file = memfd_create("arguments", MFD_CLOEXEC);
+  if (file < 0) throw no_process("memfd_create");
+  for (std::size_t at = 0; at < bytes.size();) {
+    const ssize_t done = write(file, bytes.data() + at, bytes.size() - at);
+    if (done < 0 && errno == EINTR) continue;
+    if (done < 0) {
+      close(file);
+      throw no_process("write");
+    }
+    at += static_cast<std::size_t>(done);
+  }
+  return file;
+}
+
+pid_t start_child(std::vector<std::string> arguments, const std::vector<std::string>& environment,
+                  int output, int errors) {
+  std::size_t length = 0;
+  for (const auto& argument : arguments) length += argument.size();
+  int input = -1;
+  if (length > max_arguments) {
+    input = file_of(arguments);
+    arguments = {arguments[0], "--arguments", "/dev/stdin"};
+  }
   const std::vector<std::string> whole = environment_with(environment);
   const std::vector<char*> argument_pointers = pointers_to(arguments),
                            variables = pointers_to(whole);
   const pid_t parent = getpid();
   const pid_t child = fork();
+  if (child == 0) become(argument_pointers.data(), variables.data(), parent, input, output, errors);
+  if (input >= 0) close(input);
   if (child < 0) throw no_process("fork");
-  if (child == 0) become(argument_pointers.data(), variables.data(), parent, output, errors);
   return child;
 }
 

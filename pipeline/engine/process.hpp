@@ -25,6 +25,8 @@ using LineReader = std::function<void(std::string_view)>;
 class Process {
  public:
   // `arguments[0]` is the program's path; `environment` holds NAME=VALUE texts beside our own.
+  // Arguments of more than 64 KiB together are handed over on stdin, as `--arguments /dev/stdin`
+  // tells the program (stage_main.cpp).
   // Throws Error(try_again) when no process can be made.
   Process(const std::vector<std::string>& arguments, LineReader on_line,
           const std::vector<std::string>& environment = {});

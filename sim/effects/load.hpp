@@ -1,6 +1,6 @@
 // A dead load: a force that keeps its size and direction whatever the body does (Bonet and Wood,
 // "Nonlinear Continuum Mechanics for Finite Element Analysis", 2nd edition 2008, section 8.5), as
-// of a weight that hangs from the body. Spread over a patch of the surface by area, every vertex
+// of a weight that hangs from the body. Spread over a patch of the surface by area, every node
 // has the force's share of its area at rest; spread over vertices, all those selected have equal
 // shares: a line or a point of the body has no area.
 #pragma once
@@ -10,8 +10,8 @@
 
 namespace viscera::sim {
 
-// The vertices that carry a load, in ascending order, with their shares of it: 1 in all.
-struct LoadedVertices : std::vector<std::array<int, 1>> {
+// The nodes that carry a load, in ascending order, with their shares of it: 1 in all.
+struct LoadedNodes : std::vector<std::array<int, 1>> {
   std::vector<double> share;
 };
 
@@ -44,14 +44,14 @@ struct Load {
     Vec3<T> force;  // N
   };
 
-  static LoadedVertices elements(const Model& model, const Params& params) {
-    LoadedVertices loaded;
+  static LoadedNodes elements(const Model& model, const Params& params) {
+    LoadedNodes loaded;
     if (params.spread == "vertices") {
       for (const int v : select_vertices(model, params, name)) loaded.push_back({v});
       loaded.share.assign(loaded.size(), 1.0 / static_cast<double>(loaded.size()));
       return loaded;
     }
-    const PatchVertices patch(model, select_faces(model, params, name));
+    const PatchNodes patch(model, select_faces(model, params, name));
     double area = 0.0;
     for (const double own : patch.area) area += own;
     loaded.assign(patch.begin(), patch.end());
@@ -60,8 +60,8 @@ struct Load {
   }
 
   template <class T>
-  static Rest<T> rest(const Model&, const LoadedVertices& loaded, std::size_t e,
-                      const Params& params, double) {
+  static Rest<T> rest(const Model&, const LoadedNodes& loaded, std::size_t e, const Params& params,
+                      double) {
     return {.force = cast<T>(loaded.share[e] * params.force)};
   }
 

@@ -1,7 +1,7 @@
 // An elastic bed under a patch of the body's surface: every point of it is pulled back to where it
 // was at rest with a traction proportional to its displacement, t = -k u (Winkler, "Die Lehre von
 // der Elastizität und Festigkeit", 1867), in all directions alike. Ligaments and adhesions: k is
-// their Young's modulus over their length. With A a vertex's area of the patch at rest: C = u,
+// their Young's modulus over their length. With A a node's area of the patch at rest: C = u,
 // k = stiffness A, three rows.
 #pragma once
 
@@ -31,12 +31,12 @@ struct Spring {
     T stiffness;  // k, N/m
   };
 
-  static PatchVertices elements(const Model& model, const Params& params) {
+  static PatchNodes elements(const Model& model, const Params& params) {
     return {model, select_faces(model, params, name)};
   }
 
   template <class T>
-  static Rest<T> rest(const Model&, const PatchVertices& patch, std::size_t e, const Params& params,
+  static Rest<T> rest(const Model&, const PatchNodes& patch, std::size_t e, const Params& params,
                       double) {
     return {.stiffness = static_cast<T>(params.stiffness * patch.area[e])};
   }

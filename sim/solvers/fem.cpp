@@ -105,8 +105,8 @@ class FemSolver final : public Solver {
  public:
   FemSolver(const Model& model, const Scene& scene, const FemOptions& options)
       : options_(checked(options)),
-        program_(model, checked(scene)),
         mesh_(model, options.order),
+        program_(mesh_.body(model), checked(scene)),
         system_(held_nodes(mesh_, program_), options.linear),
         stiffness_(mesh_.node_count()),
         newton_(system_, terms_, options_, stiffness_),
@@ -162,7 +162,7 @@ class FemSolver final : public Solver {
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune({model, scene});
+    program_.retune({mesh_.body(model), scene});
     take_stiffness(model);
     for (const auto& term : terms_) term->retune(model);
   }
@@ -199,7 +199,7 @@ class FemSolver final : public Solver {
     } else {
       if (mesh_.order != 1 && Effect::arity > 1) {
         refuse((std::string("effects.") + Effect::name).c_str(), "quadratic tets",
-               "neo_hookean and effects of single vertices", "use fem.order 1");
+               "neo_hookean and effects of single nodes", "use fem.order 1");
       }
       terms_.push_back(std::make_unique<EffectTerm<Effect>>(effect));
     }
@@ -315,8 +315,8 @@ class FemSolver final : public Solver {
   }
 
   const FemOptions options_;
-  Program<double> program_;
   FemMesh mesh_;
+  Program<double> program_;
   FemSystem system_;
   std::vector<double> stiffness_, penalty_;
   FemNewton::Terms terms_;

@@ -50,9 +50,9 @@ int mass_420ths(int i, int j) {
 
 }  // namespace
 
-int FemMesh::midside(const Model& model, std::map<std::array<int, 2>, int>& known, int a, int b) {
+int FemMesh::midside(const Model& model, int a, int b) {
   const std::array<int, 2> ends = {std::min(a, b), std::max(a, b)};
-  const auto [found, is_new] = known.emplace(ends, static_cast<int>(rest.size()));
+  const auto [found, is_new] = midsides.emplace(ends, static_cast<int>(rest.size()));
   if (is_new) {
     rest.push_back(0.5 * (model.rest[a] + model.rest[b]));
     fixed.push_back(model.fixed[a] && model.fixed[b]);
@@ -73,13 +73,11 @@ FemMesh::FemMesh(const Model& model, int the_order)
       masses.emplace_back(i, i, model.mass[i]);
     }
   } else {
-    std::map<std::array<int, 2>, int> known;
     for (std::size_t t = 0; t < model.tet_count(); ++t) {
       FemTet<10> tet;
       std::copy(model.tets[t].begin(), model.tets[t].end(), tet.nodes.begin());
       for (int e = 0; e < 6; ++e) {
-        tet.nodes[4 + e] =
-            midside(model, known, model.tets[t][edges[e][0]], model.tets[t][edges[e][1]]);
+        tet.nodes[4 + e] = midside(model, model.tets[t][edges[e][0]], model.tets[t][edges[e][1]]);
       }
       tet.points = quadratic_points(corner_gradients(model.rest_inverse[t]), model.volume[t]);
       const double share = model.material(t).density * model.volume[t] / 420.0;
@@ -94,6 +92,11 @@ FemMesh::FemMesh(const Model& model, int the_order)
   const auto n = static_cast<Eigen::Index>(rest.size());
   mass.resize(n, n);
   mass.setFromTriplets(masses.begin(), masses.end());
+}
+
+Model FemMesh::body(Model model) const {
+  model.midsides = midsides;
+  return model;
 }
 
 std::vector<Vec3<double>> FemMesh::on_nodes(std::vector<Vec3<double>> field) const {

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <Eigen/SparseCore>
-#include <map>
 
 #include "sim/model.hpp"
 
@@ -40,13 +39,14 @@ Mat3<double> gradient_at(const std::array<int, n>& nodes, const QuadraturePoint<
 }
 
 struct FemMesh {
-  int order;                                // 1 or 2
-  std::vector<Vec3<double>> rest;           // [nodes] m, the vertices first
-  std::vector<char> fixed;                  // [nodes]
-  std::vector<std::array<int, 2>> parents;  // [nodes - vertices] the ends of the edge
-  std::vector<FemTet<4>> linear;            // [tets] if of order 1
-  std::vector<FemTet<10>> quadratic;        // [tets] if of order 2
-  Eigen::SparseMatrix<double> mass;         // [nodes x nodes] kg
+  int order;                                   // 1 or 2
+  std::vector<Vec3<double>> rest;              // [nodes] m, the vertices first
+  std::vector<char> fixed;                     // [nodes]
+  std::vector<std::array<int, 2>> parents;     // [nodes - vertices] the ends of the edge
+  std::map<std::array<int, 2>, int> midsides;  // the node on each edge
+  std::vector<FemTet<4>> linear;               // [tets] if of order 1
+  std::vector<FemTet<10>> quadratic;           // [tets] if of order 2
+  Eigen::SparseMatrix<double> mass;            // [nodes x nodes] kg
 
   FemMesh(const Model& model, int order);
   std::size_t node_count() const { return rest.size(); }
@@ -60,11 +60,14 @@ struct FemMesh {
     }
   }
 
+  // The model for effects to act on: it knows the midside nodes.
+  Model body(Model model) const;
+
   // A field of the vertices on all nodes: midside nodes take the mean of their ends.
   std::vector<Vec3<double>> on_nodes(std::vector<Vec3<double>> field) const;
 
  private:
-  int midside(const Model& model, std::map<std::array<int, 2>, int>& known, int a, int b);
+  int midside(const Model& model, int a, int b);
 };
 
 }  // namespace viscera::sim

@@ -5,9 +5,11 @@
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <iostream>
 #include <new>
+#include <sstream>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
@@ -288,6 +290,25 @@ class StageProgram {
   const Stage& stage_;
 };
 
+namespace {
+
+// The command line, in CLI11's order (the last first), with what `--arguments FILE` stands for.
+std::vector<std::string> arguments_of(int argc, char** argv) {
+  std::vector<std::string> all;
+  for (int i = 1; i < argc; ++i) {
+    if (std::string_view(argv[i]) != "--arguments" || i + 1 == argc) {
+      all.push_back(argv[i]);
+      continue;
+    }
+    std::istringstream bytes(read_file(argv[++i]));
+    for (std::string one; std::getline(bytes, one, '\0');) all.push_back(one);
+  }
+  std::ranges::reverse(all);
+  return all;
+}
+
+}  // namespace
+
 int stage_main(int argc, char** argv, const Stage& stage) {
   const auto& info = stage.info;
   log::set_name(info.name);
@@ -304,6 +325,9 @@ int stage_main(int argc, char** argv, const Stage& stage) {
   app.add_option("--log", line.log_format, "text or json lines on stderr")
       ->check(CLI::IsMember({"text", "json"}));
   app.add_flag("--quiet", line.quiet, "warnings and errors only");
+  std::string more;
+  app.add_option("--arguments", more,
+                 "file of more arguments, each ended by a zero byte: any number of any length");
   std::string footer = "Inputs:\n";
   for (const auto& input : info.inputs) {
     footer +=
@@ -315,8 +339,14 @@ int stage_main(int argc, char** argv, const Stage& stage) {
     footer += fmt::format("  {} = {}  {}\n", param.name, shown, param.doc);
   }
   app.footer(footer);
+  std::vector<std::string> arguments;
+  const int unread = guarded([&] {
+    arguments = arguments_of(argc, argv);
+    return ExitCode::ok;
+  });
+  if (unread != 0) return unread;
   try {
-    app.parse(argc, argv);
+    app.parse(std::move(arguments));
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : static_cast<int>(ExitCode::usage);
   }

@@ -205,7 +205,6 @@ void TrajectoryWriter::finish() {
 
 struct TrajectoryReader::File {
   fs::path path;
-  Handle file, positions_set;
   TetMesh mesh;
   std::vector<double> times;
 };
@@ -263,15 +262,15 @@ TetMesh read_mesh(const Handle& file, const fs::path& path) {
 
 TrajectoryReader::TrajectoryReader(const fs::path& path) {
   const QuietHdf5 quiet;
-  Handle file = open_hdf5(path);
+  const Handle file = open_hdf5(path);
   TetMesh mesh = read_mesh(file, path);
   const auto time_set = open_dataset(file, path, "/times", H5T_FLOAT, {0});
   auto times = read_values<double>(time_set, path, "/times", H5T_NATIVE_DOUBLE);
-  auto positions = open_dataset(file, path, "/positions", H5T_FLOAT, {0, mesh.points.size(), 3});
+  const auto positions =
+      open_dataset(file, path, "/positions", H5T_FLOAT, {0, mesh.points.size(), 3});
   // A run that was killed between the two writes of a frame has one position more than times.
   times.resize(std::min<std::size_t>(times.size(), positions.shape[0]));
-  file_ = std::make_unique<File>(
-      File{path, std::move(file), std::move(positions.set), std::move(mesh), std::move(times)});
+  file_ = std::make_unique<File>(File{path, std::move(mesh), std::move(times)});
 }
 
 TrajectoryReader::~TrajectoryReader() = default;
@@ -294,13 +293,15 @@ std::vector<float> TrajectoryReader::positions_mm(std::size_t frame) const {
                                      .allowed = fmt::format("below {}", f.times.size())});
   }
   const std::size_t n = f.mesh.points.size();
+  const Handle file = open_hdf5(f.path);
+  const auto positions = open_dataset(file, f.path, "/positions", H5T_FLOAT, {0, n, 3});
   const std::vector<hsize_t> start{frame, 0, 0}, count{1, n, 3};
-  const Handle source(H5Dget_space(f.positions_set.id()), H5Sclose);
+  const Handle source(H5Dget_space(positions.set.id()), H5Sclose);
   const Handle target(H5Screate_simple(3, count.data(), nullptr), H5Sclose);
   H5Sselect_hyperslab(source.id(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
   std::vector<float> values(3 * n);
   const std::string field = fmt::format("/positions of frame {}", frame);
-  if (H5Dread(f.positions_set.id(), H5T_NATIVE_FLOAT, target.id(), source.id(), H5P_DEFAULT,
+  if (H5Dread(positions.set.id(), H5T_NATIVE_FLOAT, target.id(), source.id(), H5P_DEFAULT,
               values.data()) < 0) {
     throw read_error(f.path, field, "unreadable (truncated or damaged)", "a whole file");
   }

@@ -38,6 +38,7 @@ class TrajectoryWriter {
   std::unique_ptr<File> file_;
 };
 
+// Opens its file for as long as it reads: a study has thousands.
 class TrajectoryReader {
  public:
   explicit TrajectoryReader(const std::filesystem::path& path);  // throws Error(bad_input)

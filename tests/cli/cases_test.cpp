@@ -99,6 +99,13 @@ TEST_F(Cases, AGatheringStageReadsWhatEveryCaseMadeAndKnowsTheirNames) {
   EXPECT_EQ(starts("many"), 1u) << "what it gathers has changed";
 }
 
+TEST_F(Cases, AGatheringStageIsToldMoreThanASystemCallTakes) {
+  const std::string text(200000, 'x');  // as the names of thousands of cases
+  const auto result = run("cases:\n  one: {}\n  two: {}\ngather:\n  many: {text: " + text + "}\n");
+  ASSERT_EQ(result.exit, 0) << result.errors;
+  EXPECT_EQ(out("many.txt").substr(text.size(), 14), " [\"one\",\"two\"]");
+}
+
 TEST_F(Cases, AGatheringStageDoesWithoutTheCaseThatMadeNothing) {
   const auto result =
       run("cases:\n  one: {words: first}\n  two: {beta.diverge: lose}\n"

@@ -166,6 +166,32 @@ TEST_F(Compare, TheFinestMeshStandsForTheBodyAndTheNextChecksIt) {
   EXPECT_TRUE(scene["points"][0]["total_doubtful"].get<bool>());
 }
 
+TEST_F(Compare, QuadraticTetsStandForTheBodyAndForNoMesh) {
+  const TetMesh coarse = sample_mesh(2), fine = sample_mesh(4);
+  std::vector<ComparedRun> runs = {
+      run("tled", 64, 0.0, 9, coarse, "c"), run("xpbd", 8, 3.0, 2.0, coarse, "c"),
+      run("tled", 64, 2.0, 9, fine, "f"),  // linear tets, finer than the best of the quadratic
+      run("fem", 1, 1.75, 9, coarse, "c"), run("fem", 1, 1.8, 9, sample_mesh(3), "n")};
+  for (int i = 3; i < 5; ++i) runs[i].manifest["params"]["fem_order"] = 2;
+  const StudyOptions options{
+      .references = {{{"solver", "tled"}}, {{"solver", "fem"}, {"fem_order", 2}}},
+      .wanted_mm = {2.0}};
+  const Json scene = study_of(runs, options)["scenes"][0];
+  const double unit = height(coarse) / 100.0;
+  EXPECT_EQ(scene["body"]["check_tets"], coarse.tets.size());
+  EXPECT_NEAR(scene["body"]["agreement_mm"].get<double>(), 0.05 * unit, 1e-3);
+  ASSERT_EQ(scene["meshes"].size(), 2u);
+  EXPECT_NEAR(scene["meshes"][1]["discretisation_mm"].get<double>(), 0.2 * height(fine) / 100.0,
+              1e-3);
+  EXPECT_NEAR(scene["points"][0]["solver_mm"].get<double>(), 3.0 * unit, 1e-3);
+  EXPECT_NEAR(scene["points"][0]["total_mm"].get<double>(), 1.2 * unit, 1e-3);
+  EXPECT_FALSE(scene["points"][0]["total_doubtful"].get<bool>());
+  ASSERT_EQ(scene["sentences"].size(), 2u);
+  EXPECT_NE(scene["sentences"][1].get<std::string>().find("together (the body is known to 0.0"),
+            std::string::npos)
+      << scene["sentences"][1];
+}
+
 TEST_F(Compare, EnergyThatIsNotAllKnownHasNoDrift) {
   const TetMesh mesh = sample_mesh(2);
   std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, mesh, "m"),
@@ -235,21 +261,24 @@ Json point(const char* solver, double lo, double ms, double hi, Json mm) {
 }
 
 TEST(Sentences, NameTheCheapestAndClaimADifferenceOnlyWhereIntervalsPart) {
-  Json scene{{"name", "hang"}, {"cost", "ms a frame"}, {"meshes", {{{"tets", 100}}}}};
+  Json scene{
+      {"name", "hang"}, {"cost", "ms a frame"}, {"meshes", {{{"discretisation_mm", nullptr}}}}};
   scene["points"] = {point("xpbd", 2.0, 2.1, 2.3, 0.4), point("tled", 2.2, 2.4, 2.5, 0.3),
                      point("fem", 130, 140, 150, 0.01), point("pbd", 1, 1, 1, nullptr)};
   const Json all = sentences_of(scene, {0.5, 0.1, 0.05, 0.001});
   ASSERT_EQ(all.size(), 1u);
   EXPECT_EQ(
       all[0],
-      "hang, solver alone on the mesh of 100 tets, ms a frame: 0.5 mm costs 2.1 ms (xpbd), not "
-      "to be told apart from tled (2.4 ms), fem needs 140 ms, no run of pbd gets there; 0.1, "
-      "0.05 mm cost 140 ms (fem), no run of xpbd or tled or pbd gets there; 0.001 mm is not "
-      "reached: 0.01 mm is the least (140 ms, fem).");
+      "hang, solver alone on the mesh of 100 tets, ms a frame: 0.5 mm costs 2.1 [2 to 2.3] ms "
+      "(xpbd), not to be told apart from tled (2.4 [2.2 to 2.5] ms), fem needs 140 [130 to 150] "
+      "ms, no run of pbd gets there; 0.1, 0.05 mm cost 140 [130 to 150] ms (fem), no run of xpbd "
+      "or tled or pbd gets there; 0.001 mm is not reached: 0.01 mm is the least (140 [130 to 150] "
+      "ms, fem).");
 }
 
 TEST(Sentences, DoNotCountWhatFailed) {
-  Json scene{{"name", "hang"}, {"cost", "ms a frame"}, {"meshes", {{{"tets", 100}}}}};
+  Json scene{
+      {"name", "hang"}, {"cost", "ms a frame"}, {"meshes", {{{"discretisation_mm", nullptr}}}}};
   scene["points"] = {point("xpbd", 2, 2, 2, 0.1)};
   scene["points"][0]["failed"] = "diverged";
   EXPECT_NE(sentences_of(scene, {1.0})[0].get<std::string>().find("1 mm is not reached"),

@@ -51,6 +51,11 @@ double energy_rise(const ComparedRun& run) {
   return elastic > 0.0 ? rise / elastic : 0.0;
 }
 
+// Of the body rather than of its mesh: what linear tets err by is not in it.
+bool is_quadratic(const ComparedRun& run) {
+  return run.param("solver") == "fem" && run.param("fem_order") == "2";
+}
+
 double volume_off(const ComparedRun& run) {
   double most = 0.0;
   for (const auto& ratio : run.series["volume_ratio"]) {
@@ -84,7 +89,7 @@ class SceneStudy {
     for (const auto* run : runs) {
       const bool is_reference =
           std::ranges::any_of(options.references, [&](const Json& r) { return matches(*run, r); });
-      auto& list = is_reference ? references_[run->input("mesh")]
+      auto& list = is_reference ? (is_quadratic(*run) ? bodies_ : references_)[run->input("mesh")]
                                 : points_[run->input("mesh") + setting_of(*run).dump()];
       // What does not differ between rounds is one run, however many cases name it; of references
       // one a setting will do.
@@ -97,7 +102,7 @@ class SceneStudy {
     }
   }
 
-  bool has_references() const { return !references_.empty(); }
+  bool has_references() const { return !references_.empty() || !bodies_.empty(); }
 
   Json made() {
     find_finest();
@@ -118,7 +123,9 @@ class SceneStudy {
  private:
   void find_finest() {
     Runs all;
-    for (const auto& [mesh, runs] : references_) all.push_back(runs.back());
+    for (const auto& [mesh, runs] : bodies_.empty() ? references_ : bodies_) {
+      all.push_back(runs.back());
+    }
     std::ranges::sort(all, {}, [](const ComparedRun* run) { return run->tets(); });
     finest_ = all.back();
     if (all.size() > 1) next_ = all[all.size() - 2];
@@ -225,7 +232,8 @@ class SceneStudy {
   }
 
   DistanceBetween& distance_;
-  std::map<std::string, Runs> references_;  // by mesh
+  std::map<std::string, Runs> references_;  // by mesh, of linear tets
+  std::map<std::string, Runs> bodies_;      // by mesh, of quadratic ones
   std::map<std::string, Runs> points_;      // by mesh and setting
   std::vector<const Runs*> order_;
   std::map<std::string, double> agreement_;

@@ -1,6 +1,7 @@
 // What accuracy costs in time, from the runs of a sweep. Runs of one scene are held against a
-// reference on the same mesh (the solver's error) and against the reference on the finest mesh (the
-// total; the references' own distance is the discretisation's part).
+// reference on the same mesh (the solver's error) and against one that stands for the body (the
+// total; the references' own distance from it is the discretisation's part): the reference of
+// quadratic tets on the finest mesh that has one, else that of linear tets on the finest mesh.
 //
 // Runs that differ in `repeat` alone are one point: its time is their median, its interval that of
 // the quartiles; of a single run that of its frames' quartiles. Of two points a difference in time
@@ -23,8 +24,8 @@ struct StudyOptions {
 // sentences}],
 //   effects: [{scene, label, tets, change, ms, ms_without, told_apart, mm, failed}] }
 //
-// body: {reference, tets, check, check_tets, agreement_mm}: the finest mesh, and the next (null:
-// none) meshes: [{sha256, tets, reference, check, agreement_mm, discretisation_mm (null: stands for
+// body: {reference, tets, check, check_tets, agreement_mm}: the finest, and the next (null: none)
+// meshes: [{sha256, tets, reference, check, agreement_mm, discretisation_mm (null: stands for
 // the body)}] points: [{setting, label, solver, method (solver and device), run, mesh_sha256, tets,
 //           ms [lo, median, hi], p99_ms (of the frames of one run), repeats, cs, solver_mm,
 //           solver_rms_mm, total_mm, end_mm, energy_rise (null: of a scene whose energies are not
