@@ -70,8 +70,9 @@ class CaseReader {
   std::vector<Case> read_named(const YAML::Node& cases) const {
     if (cases.IsScalar()) return read_table(cases);
     const char* const allowed = "NAME: {VARIABLE or STAGE.PARAM: VALUE}, or a table's file name";
-    if (!cases.IsMap() || cases.size() == 0)
+    if (!cases.IsMap() || cases.size() == 0) {
       throw spec_error(cases_, cases, "cases", "not a map", allowed);
+    }
     std::vector<Case> named;
     for (const auto& item : cases) {
       Case one{.name = item.first.Scalar(), .where = place_of(cases_, item.first)};
@@ -103,8 +104,9 @@ class CaseReader {
 
   // Every value by every value; the last name varies fastest.
   std::vector<Case> product_of(const YAML::Node& axes) const {
-    if (!axes.IsMap() || axes.size() == 0)
+    if (!axes.IsMap() || axes.size() == 0) {
       throw spec_error(sweep_, axes, "sweep", "not a map", sweep_example);
+    }
     std::vector<Case> points = {Case{.where = place_of(sweep_, axes)}};
     for (const auto& axis : axes) {
       const std::string name = axis.first.Scalar();

@@ -1,6 +1,6 @@
 // The variables of a spec: what `vars:` names, with the values of a case or of --set, put in place
-// of
-// ${name}. Only `vars:` may ask the environment, so that one look shows what a spec takes from it:
+// of ${name}. Only `vars:` may ask the environment, so that one look shows what a spec takes from
+// it:
 //
 //   vars:
 //     input: ../sample_data/phantom.nrrd

@@ -13,9 +13,7 @@ class CaseTable : public testing::Test {
  protected:
   CommandResult run(const std::string& table, const std::vector<std::string>& extra = {}) const {
     work_.write("cases.csv", table);
-    std::vector<std::string> arguments = {"run", "cohort.yaml"};
-    arguments.insert(arguments.end(), extra.begin(), extra.end());
-    return work_.viscera(arguments);
+    return work_.run_spec("cohort.yaml", extra);
   }
   void SetUp() override { write_spec("cases.csv"); }
   void write_spec(const std::string& table) const {

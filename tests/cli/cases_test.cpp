@@ -22,11 +22,10 @@ stages:
 
 class Cases : public testing::Test {
  protected:
-  CommandResult run(const std::string& tail, std::vector<std::string> extra = {},
+  CommandResult run(const std::string& tail, const std::vector<std::string>& extra = {},
                     const std::vector<std::string>& environment = {}) {
     work_.write("many.yaml", head + tail);
-    extra.insert(extra.begin(), {"run", "many.yaml"});
-    return work_.viscera(extra, environment);
+    return work_.run_spec("many.yaml", extra, environment);
   }
   std::size_t starts(const std::string& stage) {
     const std::string text = started_ = work_.started();

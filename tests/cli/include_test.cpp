@@ -30,9 +30,7 @@ class Include : public testing::Test {
   CommandResult run(const std::string& spec, const std::vector<std::string>& extra = {},
                     const std::vector<std::string>& environment = {}) {
     work_.write("specs/top.yaml", "viscera: 1\n" + spec);
-    std::vector<std::string> arguments = {"run", "specs/top.yaml"};
-    arguments.insert(arguments.end(), extra.begin(), extra.end());
-    return work_.viscera(arguments, environment);
+    return work_.run_spec("specs/top.yaml", extra, environment);
   }
   std::string out(const std::string& file) const { return work_.read("out/top/" + file); }
   void expect_refused(const CommandResult& run, const std::vector<std::string>& says) const {

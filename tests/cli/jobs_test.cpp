@@ -25,10 +25,9 @@ const char* const three_cases =
 class Jobs : public testing::Test {
  protected:
   void SetUp() override { work_.write("many.yaml", three_cases); }
-  CommandResult run(std::vector<std::string> extra,
+  CommandResult run(const std::vector<std::string>& extra,
                     const std::vector<std::string>& environment = {}) const {
-    extra.insert(extra.begin(), {"run", "many.yaml"});
-    return work_.viscera(extra, environment);
+    return work_.run_spec("many.yaml", extra, environment);
   }
   const Workplace work_;
 };

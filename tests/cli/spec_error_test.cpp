@@ -108,9 +108,7 @@ TEST_P(SpecRefused, WithPlaceFieldAndRemedyAndNothingWritten) {
   const Workplace work;
   work.write("bad.yaml",
              std::string("viscera: 1\nvars:\n  input: volume.txt\nstages:\n") + GetParam().stages);
-  std::vector<std::string> arguments = {"run", "bad.yaml"};
-  arguments.insert(arguments.end(), GetParam().extra.begin(), GetParam().extra.end());
-  const auto run = work.viscera(arguments);
+  const auto run = work.run_spec("bad.yaml", GetParam().extra);
   EXPECT_EQ(run.exit, GetParam().exit) << run.errors;
   for (const auto& part : GetParam().says) {
     EXPECT_NE(run.errors.find(part), std::string::npos) << part << "\n" << run.errors;

@@ -81,11 +81,15 @@ CommandResult Workplace::viscera(const std::vector<std::string>& arguments,
   return finish(start(arguments, environment));
 }
 
+CommandResult Workplace::run_spec(const std::string& spec, std::vector<std::string> extra,
+                                  const std::vector<std::string>& environment) const {
+  extra.insert(extra.begin(), {"run", spec});
+  return viscera(extra, environment);
+}
+
 CommandResult Workplace::run(const std::vector<std::string>& extra,
                              const std::vector<std::string>& environment) const {
-  std::vector<std::string> arguments = {"run", "spec.yaml"};
-  arguments.insert(arguments.end(), extra.begin(), extra.end());
-  return viscera(arguments, environment);
+  return run_spec("spec.yaml", extra, environment);
 }
 
 pid_t Workplace::start(const std::vector<std::string>& arguments,

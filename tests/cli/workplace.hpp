@@ -34,6 +34,9 @@ class Workplace {
   // `viscera` with these arguments in this folder; `environment` holds NAME=VALUE texts.
   CommandResult viscera(const std::vector<std::string>& arguments,
                         const std::vector<std::string>& environment = {}) const;
+  // `viscera run SPEC`, and of spec.yaml.
+  CommandResult run_spec(const std::string& spec, std::vector<std::string> extra = {},
+                         const std::vector<std::string>& environment = {}) const;
   CommandResult run(const std::vector<std::string>& extra = {},
                     const std::vector<std::string>& environment = {}) const;
 

@@ -169,7 +169,9 @@
         element("details", {}, element("summary", {}, `All ${scene.points.length} points`),
           element("div", {class: "scroll"}, table)));
       const errors = [["solver_mm", "Solver's error on its own mesh"]];
-      if (scene.meshes.some(m => m.discretisation_mm !== null)) errors.push(["total_mm", "Error of mesh and solver together"]);
+      if (scene.meshes.some(mesh => mesh.discretisation_mm !== null)) {
+        errors.push(["total_mm", "Error of mesh and solver together"]);
+      }
       for (const [key, title] of errors) {
         const chart = viscera.workPrecision(box, scene, key, title);
         if (chart) charts.push(chart);
