@@ -5,6 +5,16 @@
 namespace viscera::live {
 namespace {
 
+// Commands that come before the first frame, however late this thread is run.
+class AtTheStart final : public Input {
+ public:
+  explicit AtTheStart(std::vector<Command> commands) : commands_(std::move(commands)) {}
+  std::vector<Command> before(std::uint64_t) override { return std::exchange(commands_, {}); }
+
+ private:
+  std::vector<Command> commands_;
+};
+
 TEST(TripleBuffer, TheReaderSeesWholeValuesInOrderAndTheLastOne) {
   TripleBuffer<std::array<int, 64>> buffer;
   constexpr int last = 200000;
@@ -107,9 +117,10 @@ TEST_F(Live, ADivergedSessionGoesBackToItsLastGoodStateAndSaysSo) {
 }
 
 TEST_F(Live, TheReadoutNamesCostsEnergiesAndWarnings) {
-  Session session(make_world(std::string(live_scene) + "stability: warn\n"), {.frames = 10});
-  session.post(Change{{{"materials.liver.E", "2000 kPa"}}});
-  session.post(Change{{{"materials.liver.nu", 0.7}}});
+  std::vector<Command> changes{Change{{{"materials.liver.E", "2000 kPa"}}},
+                               Change{{{"materials.liver.nu", 0.7}}}};
+  Session session(make_world(std::string(live_scene) + "stability: warn\n"),
+                  {.frames = 10, .input = std::make_unique<AtTheStart>(std::move(changes))});
   while (!session.wait_for(1.0)) {
   }
   session.close();
