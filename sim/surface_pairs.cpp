@@ -1,16 +1,10 @@
 #include "sim/surface_pairs.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace viscera::sim {
 namespace {
-
-Vec3<double> least(const Vec3<double>& a, const Vec3<double>& b) {
-  return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
-}
-Vec3<double> greatest(const Vec3<double>& a, const Vec3<double>& b) {
-  return -least(-a, -b);
-}
 
 bool belongs_together(const Model& model, int vertex, const Triangle& triangle, double thickness) {
   const auto& [a, b, c] = triangle;
@@ -21,70 +15,81 @@ bool belongs_together(const Model& model, int vertex, const Triangle& triangle, 
   return distance < (behind ? 4.0 : 1.0) * thickness;
 }
 
+// The surface in an order in which neighbours are far apart: pairs are solved in the order of their
+// triangles, and on a device the longest chain of pairs that share a vertex decides how long that
+// takes. A fourth of that along the surface.
+std::vector<Triangle> scattered_faces(const Model& model) {
+  const std::vector<Triangle> faces = boundary_faces(model);
+  std::vector<std::pair<std::uint64_t, std::size_t>> order;
+  for (std::size_t t = 0; t < faces.size(); ++t) {
+    order.emplace_back((t + 1) * 0x9e3779b97f4a7c15u, t);  // Knuth's multiplicative hash, 2^64/phi
+  }
+  std::ranges::sort(order);
+  std::vector<Triangle> scattered;
+  for (const auto& [hash, t] : order) scattered.push_back(faces[t]);
+  return scattered;
+}
+
 }  // namespace
 
 SurfacePairs::SurfacePairs(const Model& model, double thickness)
-    : triangles_(boundary_faces(model)), left_out_(triangles_.size()) {
+    : triangles_(scattered_faces(model)), left_out_begin_(triangles_.size() + 1) {
   for (const auto& triangle : triangles_) {
     vertices_.insert(vertices_.end(), triangle.begin(), triangle.end());
   }
   std::ranges::sort(vertices_);
   vertices_.erase(std::unique(vertices_.begin(), vertices_.end()), vertices_.end());
   place(model.rest, 4.0 * thickness);
+  std::vector<int> left_out, left_out_begin = {0}, near;
   for (std::size_t t = 0; t < triangles_.size(); ++t) {
-    std::vector<int> near;
     find(model.rest, static_cast<int>(t), near);
-    std::erase_if(near, [&](int vertex) {
-      return !belongs_together(model, vertex, triangles_[t], thickness);
-    });
-    left_out_[t] = std::move(near);
+    for (const int vertex : near) {
+      if (belongs_together(model, vertex, triangles_[t], thickness)) left_out.push_back(vertex);
+    }
+    left_out_begin.push_back(static_cast<int>(left_out.size()));
   }
+  left_out_ = std::move(left_out);
+  left_out_begin_ = std::move(left_out_begin);
 }
 
-SurfacePairs::Cell SurfacePairs::cell_of(const Vec3<double>& x) const {
-  // Far beyond any body, and what is no number, share the outermost cells.
-  const auto index = [this](double a) {
-    constexpr double most = 1e9;
-    const double cell = std::floor(a / cell_);
-    return static_cast<int>(cell > -most ? (cell < most ? cell : most) : -most);
-  };
-  return {index(x.x), index(x.y), index(x.z)};
+double SurfacePairs::mean_edge(const std::vector<Vec3<double>>& positions) const {
+  double sum = 0.0;
+  for (const auto& [a, b, c] : triangles_) sum += norm(positions[b] - positions[a]);
+  return sum / static_cast<double>(triangles_.size());
 }
 
 void SurfacePairs::place(const std::vector<Vec3<double>>& positions, double reach) {
-  double sum = 0.0;
-  for (const auto& [a, b, c] : triangles_) sum += norm(positions[b] - positions[a]);
-  const double edge = sum / static_cast<double>(triangles_.size());
+  const double edge = mean_edge(positions);
   reach_ = reach;
   cell_ = std::max(reach, std::isfinite(edge) ? edge : 0.0);
+  std::vector<std::pair<SurfaceGrid::Key, int>> placed;
+  for (const int v : vertices_) placed.emplace_back(SurfaceGrid::key_of(positions[v], cell_), v);
+  std::ranges::sort(placed);
+  keys_.clear();
   placed_.clear();
-  for (const int v : vertices_) placed_.push_back({cell_of(positions[v]), v});
-  std::ranges::sort(placed_);
+  for (const auto& [key, vertex] : placed) {
+    keys_.push_back(key);
+    placed_.push_back(vertex);
+  }
 }
 
 void SurfacePairs::find(const std::vector<Vec3<double>>& positions, int triangle,
                         std::vector<int>& found) const {
   found.clear();
-  const auto& [a, b, c] = triangles_[triangle];
-  const Vec3<double> around = {reach_, reach_, reach_};
-  const Vec3<double> lo = least(positions[a], least(positions[b], positions[c])) - around;
-  const Vec3<double> hi = greatest(positions[a], greatest(positions[b], positions[c])) + around;
-  const Cell first = cell_of(lo), last = cell_of(hi);
-  for (int i = first[0]; i <= last[0]; ++i) {
-    for (int j = first[1]; j <= last[1]; ++j) {
-      // Along the last axis, cells follow one another.
-      auto at = std::ranges::lower_bound(placed_, Placed{{i, j, first[2]}, -1});
-      for (; at != placed_.end() && at->cell <= Cell{i, j, last[2]}; ++at) {
-        const Vec3<double>& x = positions[at->vertex];
-        const bool inside =
-            lo.x <= x.x && x.x <= hi.x && lo.y <= x.y && x.y <= hi.y && lo.z <= x.z && x.z <= hi.z;
-        if (inside && !std::ranges::binary_search(left_out_[triangle], at->vertex)) {
-          found.push_back(at->vertex);
-        }
-      }
-    }
-  }
+  grid().for_each_near(
+      triangle, reach_, [&](int vertex) { return positions[vertex]; },
+      [&](int vertex) { found.push_back(vertex); });
   std::ranges::sort(found);
+}
+
+SurfaceGrid SurfacePairs::grid() const {
+  return {cell_,
+          keys_.data(),
+          placed_.data(),
+          static_cast<int>(placed_.size()),
+          triangles_.data(),
+          left_out_.data(),
+          left_out_begin_.data()};
 }
 
 }  // namespace viscera::sim

@@ -10,7 +10,6 @@
 #include "sim/backend/cpu_regions.hpp"
 #include "sim/backend/cpu_self_contact.hpp"
 #include "sim/backend/pace.hpp"
-#include "sim/refusal.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -57,6 +56,7 @@ class CpuSolver final : public Solver {
       : program_(model, scene),
         options_(options),
         layout_(model, program_, options),
+        constants_(SweepConstants<T>::of(options)),
         team_(thread_count(options.threads, model)),
         paced_(options.threads == 0 && team_.most() > 1),
         n_(layout_.vertices),
@@ -65,8 +65,6 @@ class CpuSolver final : public Solver {
         v_(n_) {
     const T dt = static_cast<T>(program_.dt);
     for (int i = 0; i < n_; ++i) d_[i].w = program_.inverse_mass[i] * (dt * dt);
-    constants_ = {static_cast<T>(options.scheme == Scheme::jacobi ? options.split : 1.0),
-                  static_cast<T>(options.stiffness)};
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& effect : std::get<i>(program_.effects)) {
         std::get<i>(own_).emplace_back(effect, layout_);
@@ -213,7 +211,7 @@ class CpuSolver final : public Solver {
 
   // One iteration over all elements. Forces (rows = 0) act once a substep.
   void solve_elements(int rank, Range mine, int iteration, Lap& lap) {
-    const Arithmetic arithmetic = arithmetic_of(iteration);
+    const Arithmetic arithmetic = arithmetic_of(options_, iteration);
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::element) {
         for (auto& own : std::get<i>(own_)) {
@@ -235,13 +233,6 @@ class CpuSolver final : public Solver {
       }
     });
     if (copies_) sweep_blocks(arithmetic, rank, mine, lap);
-  }
-
-  Arithmetic arithmetic_of(int iteration) const {
-    if (options_.method == Method::pbd) return Arithmetic::pbd;
-    if (options_.method == Method::tled) return Arithmetic::force;
-    if (options_.iterations == 1) return Arithmetic::xpbd_only;
-    return iteration == 0 ? Arithmetic::xpbd_first : Arithmetic::xpbd_next;
   }
 
   template <class Elements>
@@ -378,38 +369,10 @@ class CpuSolver final : public Solver {
   std::vector<Vec3<T>> v_;     // m/s
 };
 
-void refuse(const char* field, const std::string& found, const char* allowed) {
-  throw Refusal(Refusal::Cause::scene, field, found, allowed);
-}
-
-void check_options(const Scene& scene, const SolverOptions& options) {
-  if (options.iterations < 1) {
-    refuse("iterations", std::to_string(options.iterations), "1 or more");
-  }
-  if (!(options.split >= 1.0)) refuse("split", std::to_string(options.split), "1 or more");
-  if (options.block_tets < 0) {
-    refuse("block_tets", std::to_string(options.block_tets), "0 or more");
-  }
-  if (!(options.stiffness >= 0.0 && options.stiffness <= 1.0)) {
-    refuse("stiffness", std::to_string(options.stiffness), "0 to 1");
-  }
-  if (options.method == Method::tled && options.iterations != 1) {
-    refuse("iterations", std::to_string(options.iterations), "1: TLED is explicit");
-  }
-  if (options.method != Method::pbd) return;
-  Effects::for_each([&]<class Effect, std::size_t i>() {
-    if (std::get<i>(scene.effects).empty() || is_projectable<Effect>) return;
-    throw Refusal(Refusal::Cause::scene, std::string("effects.") + Effect::name, "solver pbd",
-                  "effects whose constraints vanish at rest",
-                  "name distance, volume or shape_matching, or use solver xpbd");
-  });
-}
-
 }  // namespace
 
 std::unique_ptr<Solver> make_cpu(const Model& model, const Scene& scene,
                                  const SolverOptions& options) {
-  check_options(scene, options);
   if (options.precision == Precision::fp64) {
     return std::make_unique<CpuSolver<double>>(model, scene, options);
   }

@@ -23,7 +23,7 @@ struct ElementLayout {
   ElementLayout(const Model& model, const Program<T>& program, const SolverOptions& options)
       : vertices(static_cast<int>(model.vertex_count())),
         scheme(options.method == Method::tled ? Scheme::gauss_seidel : options.scheme),
-        iterates(options.method == Method::xpbd && options.iterations > 1) {
+        iterates(sim::iterates(options)) {
     if (scheme != Scheme::block_gauss_seidel) return;
     constexpr int own_choice = 400;
     blocks.emplace(model, options.block_tets > 0 ? options.block_tets : own_choice);

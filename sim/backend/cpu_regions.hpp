@@ -3,8 +3,8 @@
 #pragma once
 
 #include "sim/backend/cpu_elements.hpp"
+#include "sim/backend/region_step.hpp"
 #include "sim/backend/team.hpp"
-#include "sim/best_rotation.hpp"
 
 namespace viscera::sim {
 
@@ -51,7 +51,10 @@ class CpuRegions {
       Vec3<double> sum;
       for (int k = data_.begin[i]; k < data_.begin[i + 1]; ++k) {
         const int m = data_.of_vertex[k];
-        sum += data_.members[m].share * pull(m, w, arithmetic, pbd_stiffness);
+        const int r = region_of_[m];
+        const RegionMember& member = data_.members[m];
+        sum += member.share * pull_member(fits_[r], member, w, squared_phase_[r], arithmetic,
+                                          pbd_stiffness, pulled_.empty() ? nullptr : &pulled_[m]);
       }
       d[i].v += cast<T>(sum);
     }
@@ -61,63 +64,28 @@ class CpuRegions {
  private:
   static constexpr int chunk_size = 256;  // members
 
-  struct Sums {
-    Vec3<double> first;    // sum m w
-    Mat3<double> mixed{};  // sum m w r^T
-  };
-  struct Fit {
-    Vec3<double> shift;  // c_w
-    Quaternion<double> rotation;
-  };
-
   template <class Moved>
   void sum_chunk(int chunk, const Moved& moved) {
-    Sums sums{};
+    RegionSums sums;
     for (int m = chunks_[chunk].begin; m < chunks_[chunk].end; ++m) {
-      const auto& [vertex, mass, share, r] = data_.members[m];
-      const Vec3<double> mw = mass * moved(vertex);
-      sums.first += mw;
-      sums.mixed.col[0] += r.x * mw;
-      sums.mixed.col[1] += r.y * mw;
-      sums.mixed.col[2] += r.z * mw;
+      sums.add(data_.members[m], moved(data_.members[m].vertex));
     }
     sums_[chunk] = sums;
   }
 
   void fit(int region) {
-    Vec3<double> first;
-    Mat3<double> matrix = data_.regions[region].inertia;
-    for (int c = chunk_begin_[region]; c < chunk_begin_[region + 1]; ++c) {
-      first += sums_[c].first;
-      for (int k = 0; k < 3; ++k) matrix.col[k] += sums_[c].mixed.col[k];
-    }
-    fits_[region] = {(1.0 / data_.regions[region].mass) * first, best_rotation(matrix)};
-  }
-
-  // What the iteration adds to the displacement of a member's copy. With o = omega^2 dt^2 and l
-  // what it added so far in this substep, XPBD's equation 18 reads dl = -(o C + l) / (1 + o).
-  Vec3<double> pull(int member, const Vec3<double>& w, Arithmetic arithmetic,
-                    double pbd_stiffness) {
-    const Fit& goal = fits_[region_of_[member]];
-    const Vec3<double> error = (w - goal.shift) - turn(goal.rotation, data_.members[member].arm);
-    const double o = squared_phase_[region_of_[member]];
-    if (arithmetic == Arithmetic::pbd) return -pbd_stiffness * error;
-    if (arithmetic == Arithmetic::force) return -o * error;
-    if (arithmetic == Arithmetic::xpbd_only) return -o / (1.0 + o) * error;
-    Vec3<double>& so_far = pulled_[member];
-    if (arithmetic == Arithmetic::xpbd_first) so_far = {};
-    const Vec3<double> more = -1.0 / (1.0 + o) * (o * error + so_far);
-    so_far += more;
-    return more;
+    RegionSums all = RegionFit::begin(data_.regions[region]);
+    for (int c = chunk_begin_[region]; c < chunk_begin_[region + 1]; ++c) all += sums_[c];
+    fits_[region] = {data_.regions[region], all};
   }
 
   Regions data_;
   std::vector<double> squared_phase_;  // [regions] omega^2 dt^2
-  std::vector<Fit> fits_;              // [regions]
+  std::vector<RegionFit> fits_;        // [regions]
   std::vector<int> region_of_;         // [members]
   std::vector<Range> chunks_;          // of members
   std::vector<int> chunk_begin_;       // [regions + 1]
-  std::vector<Sums> sums_;             // [chunks]
+  std::vector<RegionSums> sums_;       // [chunks]
   std::vector<Vec3<double>> pulled_;   // [members], where a substep has several iterations, m
 };
 

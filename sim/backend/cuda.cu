@@ -1,6 +1,7 @@
-// The XPBD substep on a CUDA device: the same effects as the CPU, one kernel per pass and per
+// XPBD, PBD and TLED on a CUDA device: the same effects as the CPU, one kernel per pass and per
 // colour, captured once as a graph and launched as one. Elements of a colour touch disjoint
-// vertices, so two runs on one device give the same bits.
+// vertices, and where all are solved from the same state (Jacobi, TLED) each vertex gathers its own
+// in a fixed order, so two runs on one device give the same bits.
 #include <cuda_runtime.h>
 
 #include <algorithm>
@@ -8,6 +9,8 @@
 
 #include "sim/backend/cuda_blocks.hpp"
 #include "sim/backend/cuda_memory.cuh"
+#include "sim/backend/cuda_regions.cuh"
+#include "sim/backend/cuda_self_contact.cuh"
 #include "sim/coloring.hpp"
 #include "sim/solvers/make.hpp"
 #include "sim/solvers/program.hpp"
@@ -35,30 +38,69 @@ __global__ void apply_force(int n, typename Effect::template Device<T> device, c
   if (i < n && w[i] > T(0)) d[i] += (dt * dt) * Effect::acceleration(device, rest[i], u[i], v[i]);
 }
 
+// What elements read and write. With `impulses` the results go there, [elements][arity], and d
+// stays as it is.
 template <class Effect, class T>
-__global__ void solve_color(int first, int last, const std::array<int, Effect::arity>* vertices,
-                            const typename Effect::template Rest<T>* rest, const T* w,
-                            const Vec3<T>* u, Vec3<T>* d, T* memory, SweepConstants<T> constants,
-                            T dt) {
+struct ElementView {
+  const std::array<int, Effect::arity>* vertices;
+  const typename Effect::template Rest<T>* rest;
+  T* multipliers;  // [elements][rows], where a substep has several iterations
+  T* memory;       // [elements][memory_of<Effect>]
+  Vec3<T>* impulses;
+};
+
+// The numbers of one element, in registers while it is solved.
+template <int count, class T, class Work>
+__device__ void with_kept(T* kept, int element, const Work& work) {
+  if constexpr (count == 0) {
+    work(static_cast<T*>(nullptr));
+  } else {
+    T values[count];
+    for (int k = 0; k < count; ++k) values[k] = kept[count * element + k];
+    work(values);
+    for (int k = 0; k < count; ++k) kept[count * element + k] = values[k];
+  }
+}
+
+template <class Effect, Arithmetic arithmetic, class T>
+__global__ void solve_elements(int first, int last, ElementView<Effect, T> own, const T* w,
+                               const Vec3<T>* u, Vec3<T>* d, SweepConstants<T> constants, T dt) {
   const int e = first + global_thread();
   if (e >= last) return;
   constexpr int arity = Effect::arity;
-  Vec3<T> local_u[arity], local_d[arity];
+  Vec3<T> local_u[arity], local_d[arity], p[arity];
   T mobility[arity];
   for (int i = 0; i < arity; ++i) {
-    const int v = vertices[e][i];
+    const int v = own.vertices[e][i];
     local_u[i] = u[v];
     local_d[i] = d[v];
     mobility[i] = w[v] * (dt * dt);
   }
-  constexpr int memory_size = memory_of<Effect>;
-  T own[memory_size > 0 ? memory_size : 1];
-  for (int k = 0; k < memory_size; ++k) own[k] = memory[memory_size * e + k];
-  Vec3<T> p[arity];
-  element_impulses<Effect, Arithmetic::xpbd_only>(rest[e], mobility, constants, local_u, local_d,
-                                                  static_cast<T*>(nullptr), own, p);
-  for (int k = 0; k < memory_size; ++k) memory[memory_size * e + k] = own[k];
-  for (int i = 0; i < arity; ++i) d[vertices[e][i]] = local_d[i] + mobility[i] * p[i];
+  constexpr bool iterates =
+      arithmetic == Arithmetic::xpbd_first || arithmetic == Arithmetic::xpbd_next;
+  with_kept<iterates ? Effect::rows : 0>(own.multipliers, e, [&](T* multipliers) {
+    with_kept<memory_of<Effect>>(own.memory, e, [&](T* memory) {
+      element_impulses<Effect, arithmetic>(own.rest[e], mobility, constants, local_u, local_d,
+                                           multipliers, memory, p);
+    });
+  });
+  for (int i = 0; i < arity; ++i) {
+    if (own.impulses) {
+      own.impulses[arity * e + i] = p[i];
+    } else {
+      d[own.vertices[e][i]] = local_d[i] + mobility[i] * p[i];
+    }
+  }
+}
+
+template <class T>
+__global__ void gather_impulses(int n, const int* begin, const int* slots, const Vec3<T>* impulses,
+                                const T* w, T dt, Vec3<T>* d) {
+  const int i = global_thread();
+  if (i >= n) return;
+  Vec3<T> sum;
+  for (int k = begin[i]; k < begin[i + 1]; ++k) sum += impulses[slots[k]];
+  d[i] += (w[i] * (dt * dt)) * sum;
 }
 
 // The substep that follows `done` ones. One graph is launched again and again: the count is on the
@@ -110,25 +152,34 @@ __global__ void end(int n, const Vec3<T>* d, T dt, Vec3<T>* u, Vec3<T>* v,
   if (i == 0) ++*done;
 }
 
+// What all effects of a run share.
+struct DeviceLayout {
+  int vertices;
+  bool gathers;   // elements are solved from the same state
+  bool iterates;  // several iterations a substep
+};
+
 // What one effect keeps on the device.
 template <class Effect, class T, EffectKind kind = Effect::kind>
 struct OnDevice {  // force effects travel as kernel arguments
   typename Effect::template Device<T> device;
 
-  OnDevice(const Prepared<Effect, T>& host, int) : device(host.device) {}
+  OnDevice(const Prepared<Effect, T>& host, const DeviceLayout&) : device(host.device) {}
   void retune(const Prepared<Effect, T>& host) { device = host.device; }
 };
 
 template <class Effect, class T>
-struct OnDevice<Effect, T, EffectKind::region> {  // refused before
-  OnDevice(const Prepared<Effect, T>&, int) {}
-  void retune(const Prepared<Effect, T>&) {}
+struct OnDevice<Effect, T, EffectKind::region> : CudaRegions<T> {
+  OnDevice(const Prepared<Effect, T>& host, const DeviceLayout& layout)
+      : CudaRegions<T>(host.regions, host.squared_phase, layout.iterates) {}
+  void retune(const Prepared<Effect, T>& host) { CudaRegions<T>::retune(host.squared_phase); }
 };
 
 template <class Effect, class T>
-struct OnDevice<Effect, T, EffectKind::self_contact> {  // refused before
-  OnDevice(const Prepared<Effect, T>&, int) {}
-  void retune(const Prepared<Effect, T>&) {}
+struct OnDevice<Effect, T, EffectKind::self_contact> : CudaSelfContact<T> {
+  OnDevice(const Prepared<Effect, T>& host, const DeviceLayout&)
+      : CudaSelfContact<T>(host.pairs, host.rest, host.params) {}
+  void retune(const Prepared<Effect, T>& host) { CudaSelfContact<T>::retune(host.params); }
 };
 
 template <class Effect, class T>
@@ -136,8 +187,8 @@ struct OnDevice<Effect, T, EffectKind::contact> {
   typename Effect::template Device<T> device;
   DeviceArray<Vec3<T>> correction;  // [n] m, in this substep; 0: not in contact
 
-  OnDevice(const Prepared<Effect, T>& host, int vertex_count)
-      : device(host.device), correction(vertex_count) {}
+  OnDevice(const Prepared<Effect, T>& host, const DeviceLayout& layout)
+      : device(host.device), correction(layout.vertices) {}
   void retune(const Prepared<Effect, T>& host) { device = host.device; }
 };
 
@@ -146,25 +197,54 @@ struct OnDevice<Effect, T, EffectKind::motion> {
   typename Effect::template Device<T> device;
   DeviceArray<int> vertices;
 
-  OnDevice(const Prepared<Effect, T>& host, int) : device(host.device), vertices(host.vertices) {}
+  OnDevice(const Prepared<Effect, T>& host, const DeviceLayout&)
+      : device(host.device), vertices(host.vertices) {}
   void retune(const Prepared<Effect, T>& host) { device = host.device; }
 };
 
 template <class Effect, class T>
 struct OnDevice<Effect, T, EffectKind::element> {
   using Vertices = std::array<int, Effect::arity>;
+  // A force is taken in full: its stability is that of one element after the other.
+  bool gathers;
   Coloring coloring;
   DeviceArray<Vertices> vertices;  // in order of colour
   DeviceArray<typename Effect::template Rest<T>> rest;
-  DeviceArray<T> memory;
+  DeviceArray<T> multipliers, memory;
+  DeviceArray<Vec3<T>> impulses;        // where each vertex gathers them, N
+  DeviceArray<int> slots, slots_begin;  // [vertices + 1] of its impulses
 
-  OnDevice(const Prepared<Effect, T>& host, int vertex_count)
-      : coloring(
-            color_elements<Effect::arity>(std::span<const Vertices>(host.vertices), vertex_count)),
+  OnDevice(const Prepared<Effect, T>& host, const DeviceLayout& layout)
+      : gathers(layout.gathers && Effect::rows > 0),
+        coloring(color_elements<Effect::arity>(std::span<const Vertices>(host.vertices),
+                                               layout.vertices)),
         vertices(ordered(host.vertices)),
         rest(ordered(host.rest)),
-        memory(host.rest.size() * memory_of<Effect>) {}
+        multipliers(layout.iterates ? host.rest.size() * Effect::rows : 0),
+        memory(host.rest.size() * memory_of<Effect>) {
+    if (gathers) lay_out_slots(host, layout.vertices);
+  }
   void retune(const Prepared<Effect, T>& host) { rest.upload(ordered(host.rest)); }
+
+  void lay_out_slots(const Prepared<Effect, T>& host, int vertex_count) {
+    std::vector<std::vector<int>> of_vertex(vertex_count);
+    int slot = 0;
+    for (const auto& element : ordered(host.vertices)) {
+      for (const int v : element) of_vertex[v].push_back(slot++);
+    }
+    std::vector<int> all, begin = {0};
+    for (const auto& own : of_vertex) {
+      all.insert(all.end(), own.begin(), own.end());
+      begin.push_back(static_cast<int>(all.size()));
+    }
+    slots = DeviceArray<int>(all);
+    slots_begin = DeviceArray<int>(begin);
+    impulses = DeviceArray<Vec3<T>>(all.size());
+  }
+
+  ElementView<Effect, T> view() const {
+    return {vertices.get(), rest.get(), multipliers.get(), memory.get(), impulses.get()};
+  }
 
   template <class Item>
   std::vector<Item> ordered(const std::vector<Item>& items) const {
@@ -182,12 +262,12 @@ struct OnDevice<Effect, T, EffectKind::element> {
 };
 
 template <class T>
-class XpbdCuda final : public Solver {
+class CudaSolver final : public Solver {
  public:
-  XpbdCuda(const Model& model, const Scene& scene, std::string name)
-      : XpbdCuda(Program<T>(model, scene), std::move(name)) {}
+  CudaSolver(const Model& model, const Scene& scene, const SolverOptions& options, std::string name)
+      : CudaSolver(Program<T>(model, scene), options, std::move(name)) {}
 
-  ~XpbdCuda() override {
+  ~CudaSolver() override {
     cudaGraphExecDestroy(graph_);
     cudaStreamDestroy(stream_);
   }
@@ -197,6 +277,8 @@ class XpbdCuda final : public Solver {
       check(cudaGraphLaunch(graph_, stream_), "launching a substep");
     }
     check(cudaStreamSynchronize(stream_), "running a frame");
+    for_each_active<EffectKind::self_contact>(
+        [&]<class Effect>(const auto& effect) { effect.check_room(); });
   }
   State state() const override {
     State state{cast_all<double>(u_.download()), cast_all<double>(v_.download()),
@@ -237,6 +319,8 @@ class XpbdCuda final : public Solver {
     for_each_active<EffectKind::contact>([&count]<class Effect>(const auto& effect) {
       count += std::ranges::count_if(effect.correction.download(), touches<T>);
     });
+    for_each_active<EffectKind::self_contact>(
+        [&count]<class Effect>(const auto& effect) { count += effect.count(); });
     return count;
   }
   std::string device() const override { return "cuda, " + name_; }
@@ -245,8 +329,10 @@ class XpbdCuda final : public Solver {
   template <class Effect>
   using Slot = OnDevice<Effect, T>;
 
-  XpbdCuda(Program<T>&& program, std::string name)
+  CudaSolver(Program<T>&& program, const SolverOptions& options, std::string name)
       : name_(std::move(name)),
+        options_(options),
+        constants_(SweepConstants<T>::of(options)),
         program_(std::move(program)),
         n_(static_cast<int>(program_.rest.size())),
         dt_(program_.dt),
@@ -257,9 +343,11 @@ class XpbdCuda final : public Solver {
         v_(n_),
         d_(n_),
         done_(1) {
+    const bool side_by_side = options.method == Method::tled || options.scheme == Scheme::jacobi;
+    const DeviceLayout layout{n_, side_by_side, iterates(options)};
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& host : std::get<i>(program_.effects)) {
-        std::get<i>(effects_).emplace_back(host, n_);
+        std::get<i>(effects_).emplace_back(host, layout);
       }
     });
     check(cudaStreamCreate(&stream_), "creating a stream");
@@ -270,6 +358,9 @@ class XpbdCuda final : public Solver {
     std::size_t bytes = program.rest.size() * (4 * sizeof(Vec3<T>) + 2 * sizeof(T));
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
       bytes += effect.rest.size() * (sizeof(effect.rest[0]) + sizeof(effect.vertices[0]));
+    });
+    for_each_slot<EffectKind::self_contact>(program.effects, [&]<class Effect>(const auto& effect) {
+      bytes += CudaSelfContact<T>::bytes(effect.pairs, program.rest.size());
     });
     require_device_memory(bytes);
   }
@@ -307,19 +398,17 @@ class XpbdCuda final : public Solver {
           count, effect.vertices.get(), effect.device, rest_.get(), u_.get(), d_.get(), done_.get(),
           dt_);
     });
+    for_each_active<EffectKind::self_contact>([&]<class Effect>(const auto& effect) {
+      effect.enqueue_push(stream_, u_.get(), d_.get(), inverse_mass_.get());
+    });
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
       push<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
           n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), d_.get(),
           effect.correction.get(), done_.get(), dt_);
     });
-    for_each_active<EffectKind::element>([&]<class Effect>(const auto& effect) {
-      for (std::size_t color = 0; color + 1 < effect.coloring.color_begin.size(); ++color) {
-        const int first = effect.coloring.color_begin[color];
-        const int last = effect.coloring.color_begin[color + 1];
-        solve_color<Effect, T><<<blocks(last - first), block_size, 0, stream_>>>(
-            first, last, effect.vertices.get(), effect.rest.get(), inverse_mass_.get(), u_.get(),
-            d_.get(), effect.memory.get(), SweepConstants<T>{T(1), T(1)}, dt);
-      }
+    for (int i = 0; i < options_.iterations; ++i) enqueue_iteration(i);
+    for_each_active<EffectKind::self_contact>([&]<class Effect>(const auto& effect) {
+      effect.enqueue_rub(stream_, u_.get(), d_.get(), inverse_mass_.get());
     });
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
       rub<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
@@ -331,12 +420,69 @@ class XpbdCuda final : public Solver {
     check(cudaGetLastError(), "launching a kernel");
   }
 
+  // One iteration over all elements. Forces (rows = 0) act once a substep.
+  void enqueue_iteration(int iteration) {
+    const Arithmetic arithmetic = arithmetic_of(options_, iteration);
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      for (const auto& own : std::get<i>(effects_)) {
+        if constexpr (Effect::kind == EffectKind::region) {
+          own.enqueue(stream_, arithmetic, options_.stiffness,
+                      {u_.get(), d_.get(), inverse_mass_.get()});
+        } else if constexpr (Effect::kind == EffectKind::element) {
+          if constexpr (Effect::rows > 0) {
+            enqueue_sweep_by<Effect>(own, arithmetic);
+          } else if (iteration == 0) {
+            enqueue_sweep<Effect, Arithmetic::xpbd_only>(own);
+          }
+        }
+      }
+    });
+  }
+
+  template <class Effect>
+  void enqueue_sweep_by(const OnDevice<Effect, T>& own, Arithmetic arithmetic) {
+    using enum Arithmetic;
+    switch (arithmetic) {
+      case xpbd_only:
+        return enqueue_sweep<Effect, xpbd_only>(own);
+      case xpbd_first:
+        return enqueue_sweep<Effect, xpbd_first>(own);
+      case xpbd_next:
+        return enqueue_sweep<Effect, xpbd_next>(own);
+      case force:
+        return enqueue_sweep<Effect, force>(own);
+      case pbd:
+        if constexpr (is_projectable<Effect>) enqueue_sweep<Effect, pbd>(own);
+    }
+  }
+
+  template <class Effect, Arithmetic arithmetic>
+  void enqueue_sweep(const OnDevice<Effect, T>& own) {
+    const T dt = static_cast<T>(dt_);
+    const auto solve = [&](int first, int last) {
+      if (first == last) return;
+      solve_elements<Effect, arithmetic, T><<<blocks(last - first), block_size, 0, stream_>>>(
+          first, last, own.view(), inverse_mass_.get(), u_.get(), d_.get(), constants_, dt);
+    };
+    const auto& colors = own.coloring.color_begin;
+    if (!own.gathers) {
+      for (std::size_t c = 0; c + 1 < colors.size(); ++c) solve(colors[c], colors[c + 1]);
+      return;
+    }
+    solve(0, colors.back());
+    gather_impulses<T><<<blocks(n_), block_size, 0, stream_>>>(n_, own.slots_begin.get(),
+                                                               own.slots.get(), own.impulses.get(),
+                                                               inverse_mass_.get(), dt, d_.get());
+  }
+
   template <EffectKind kind, class Function>
   void for_each_active(Function&& function) const {
     for_each_slot<kind>(effects_, function);
   }
 
   std::string name_;
+  SolverOptions options_;
+  SweepConstants<T> constants_;
   Program<T> program_;  // what was uploaded; kept to be compared with
   int n_;
   double dt_;  // s
@@ -366,12 +512,12 @@ CudaDevice find_cuda_device() {
 
 namespace {
 
-std::unique_ptr<Solver> make_colors(const Model& model, const Scene& scene,
-                                    const SolverOptions& options, const std::string& name) {
+std::unique_ptr<Solver> make_by_kernels(const Model& model, const Scene& scene,
+                                        const SolverOptions& options, const std::string& name) {
   if (options.precision == Precision::fp64) {
-    return std::make_unique<XpbdCuda<double>>(model, scene, name);
+    return std::make_unique<CudaSolver<double>>(model, scene, options, name);
   }
-  return std::make_unique<XpbdCuda<float>>(model, scene, name);
+  return std::make_unique<CudaSolver<float>>(model, scene, options, name);
 }
 
 }  // namespace
@@ -380,6 +526,7 @@ std::unique_ptr<Ensemble> make_ensemble_on_cuda(const Model& model, const Scene&
                                                 const SolverOptions& options, int members,
                                                 const Tune& tune) {
   check_scene(scene);
+  check_options(scene, options);
   const CudaDevice device = find_cuda_device();
   if (!device.name) {
     throw Refusal(Refusal::Cause::device, "device", device.why_not, "a CUDA device and its driver",
@@ -388,14 +535,14 @@ std::unique_ptr<Ensemble> make_ensemble_on_cuda(const Model& model, const Scene&
   if (const std::string lacks = what_cuda_lacks(scene, options); !lacks.empty()) {
     throw Refusal(
         Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
-        "xpbd by gauss_seidel or block_gauss_seidel with one iteration a substep, no region, "
-        "no self-contact",
-        "use device: cpu or auto");
+        "xpbd, pbd or tled; in blocks xpbd with one iteration a substep, no region and no "
+        "self-contact",
+        "use another scheme, or device: cpu or auto");
   }
-  if (options.scheme != Scheme::block_gauss_seidel) {
+  if (!in_blocks(options)) {
     return std::make_unique<Separately>(
         model, scene, members, tune, [&](const Model& own_model, const Scene& own_scene) {
-          return make_colors(own_model, own_scene, options, *device.name);
+          return make_by_kernels(own_model, own_scene, options, *device.name);
         });
   }
   auto ensemble = make_cuda_blocks(model, scene, options, members, *device.name);

@@ -43,7 +43,7 @@ struct Over {
   double b[3];
 };
 
-inline Over over_triangle(const Vec3<double>& x, const Vec3<double>& y0, const Vec3<double>& y1,
+SIM_HD Over over_triangle(const Vec3<double>& x, const Vec3<double>& y0, const Vec3<double>& y1,
                           const Vec3<double>& y2) {
   const Vec3<double> area = cross(y1 - y0, y2 - y0);
   const double twice = norm(area);
@@ -58,14 +58,14 @@ inline Over over_triangle(const Vec3<double>& x, const Vec3<double>& y0, const V
 struct SurfacePair {
   Vec3<double> x, y[3], dx, dy[3];
 
-  Over at(double time) const {
+  SIM_HD Over at(double time) const {
     return over_triangle(x + time * dx, y[0] + time * dy[0], y[1] + time * dy[1],
                          y[2] + time * dy[2]);
   }
 };
 
 // Whether they touch in the substep; then `contact` says where.
-inline bool touch(const SurfacePair& pair, double thickness, Over& contact) {
+SIM_HD bool touch(const SurfacePair& pair, double thickness, Over& contact) {
   constexpr double seam = -1e-3;  // triangles overlap a little, so that none falls in between
   const double before = pair.at(0.0).height, after = pair.at(1.0).height;
   if (before < -thickness || after >= thickness) return false;

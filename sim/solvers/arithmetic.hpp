@@ -13,6 +13,7 @@
 #pragma once
 
 #include "sim/effects/effect.hpp"
+#include "sim/solvers/options.hpp"
 
 namespace viscera::sim {
 
@@ -25,11 +26,28 @@ enum class Arithmetic {
 };
 inline constexpr int arithmetic_count = 5;
 
+// Whether multipliers are kept from one iteration of a substep to the next.
+inline bool iterates(const SolverOptions& options) {
+  return options.method == Method::xpbd && options.iterations > 1;
+}
+
+inline Arithmetic arithmetic_of(const SolverOptions& options, int iteration) {
+  if (options.method == Method::pbd) return Arithmetic::pbd;
+  if (options.method == Method::tled) return Arithmetic::force;
+  if (!iterates(options)) return Arithmetic::xpbd_only;
+  return iteration == 0 ? Arithmetic::xpbd_first : Arithmetic::xpbd_next;
+}
+
 // What stays the same for all elements of a sweep.
 template <class T>
 struct SweepConstants {
   T split;      // the factor on A: 1 but for Jacobi
   T stiffness;  // PBD's k
+
+  static SweepConstants of(const SolverOptions& options) {
+    return {static_cast<T>(options.scheme == Scheme::jacobi ? options.split : 1.0),
+            static_cast<T>(options.stiffness)};
+  }
 };
 
 // (I + A S) y = -c for symmetric positive semi-definite A and positive S. One or two rows in closed

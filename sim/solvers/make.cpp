@@ -8,7 +8,11 @@ namespace viscera::sim {
 
 namespace {
 
-// The first effect named that works on more vertices at once than FEM and the device's kernels know
+void refuse(const char* field, const std::string& found, const char* allowed) {
+  throw Refusal(Refusal::Cause::scene, field, found, allowed);
+}
+
+// The first effect named that works on more vertices at once than FEM and blocks on a device know
 // of.
 std::string collective_effect(const Scene& scene) {
   std::string name;
@@ -22,9 +26,33 @@ std::string collective_effect(const Scene& scene) {
 
 }  // namespace
 
+void check_options(const Scene& scene, const SolverOptions& options) {
+  if (options.iterations < 1) {
+    refuse("iterations", std::to_string(options.iterations), "1 or more");
+  }
+  if (!(options.split >= 1.0)) refuse("split", std::to_string(options.split), "1 or more");
+  if (options.block_tets < 0) {
+    refuse("block_tets", std::to_string(options.block_tets), "0 or more");
+  }
+  if (!(options.stiffness >= 0.0 && options.stiffness <= 1.0)) {
+    refuse("stiffness", std::to_string(options.stiffness), "0 to 1");
+  }
+  if (options.method == Method::tled && options.iterations != 1) {
+    refuse("iterations", std::to_string(options.iterations), "1: TLED is explicit");
+  }
+  if (options.method != Method::pbd) return;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if (std::get<i>(scene.effects).empty() || is_projectable<Effect>) return;
+    throw Refusal(Refusal::Cause::scene, std::string("effects.") + Effect::name, "solver pbd",
+                  "effects whose constraints vanish at rest",
+                  "name distance, volume or shape_matching, or use solver xpbd");
+  });
+}
+
 std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
                                     const SolverOptions& options) {
   check_scene(scene);
+  check_options(scene, options);
   if (options.method == Method::fem) {
     if (const std::string name = collective_effect(scene); !name.empty()) {
       throw Refusal(Refusal::Cause::scene, "effects." + name, "solver fem", "xpbd, pbd or tled",
@@ -50,10 +78,13 @@ std::unique_ptr<Solver> make_on_cuda(const Model& model, const Scene& scene,
 }
 
 std::string what_cuda_lacks(const Scene& scene, const SolverOptions& options) {
-  if (options.method != Method::xpbd) return "this solver";
-  if (options.scheme == Scheme::jacobi) return "this scheme";
-  if (options.iterations != 1) return "several iterations a substep";
-  if (const std::string name = collective_effect(scene); !name.empty()) return "effects." + name;
+  if (options.method == Method::fem) return "this solver";
+  if (!in_blocks(options)) return "";
+  if (options.method != Method::xpbd) return "this solver in blocks";
+  if (options.iterations != 1) return "several iterations a substep in blocks";
+  if (const std::string name = collective_effect(scene); !name.empty()) {
+    return "effects." + name + " in blocks";
+  }
   return "";
 }
 

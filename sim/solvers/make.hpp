@@ -13,6 +13,9 @@
 namespace viscera::sim {
 
 // Throws Refusal(scene) for a combination of effects, method and options that does not exist.
+void check_options(const Scene& scene, const SolverOptions& options);
+
+// Throws Refusal(scene) as above.
 std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
                                     const SolverOptions& options);
 

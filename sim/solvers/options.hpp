@@ -41,4 +41,9 @@ struct SolverOptions {
   FemOptions fem;
 };
 
+// TLED has no order of elements.
+inline bool in_blocks(const SolverOptions& options) {
+  return options.scheme == Scheme::block_gauss_seidel && options.method != Method::tled;
+}
+
 }  // namespace viscera::sim

@@ -13,7 +13,7 @@
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/scene_file.hpp"
 #include "tests/backend/host_blocks.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/sim/flap.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -35,9 +35,10 @@ double largest_difference(const State& a, const State& b) {
 }
 
 // Largest difference of displacement after `frames`, over the body's size.
-double disagreement(const Model& model, const Scene& scene, Precision precision, int frames) {
-  const auto cpu = make_on_cpu(model, scene, {.precision = precision});
-  const auto cuda = make_on_cuda(model, scene, {.precision = precision});
+double disagreement(const Model& model, const Scene& scene, const SolverOptions& options,
+                    int frames) {
+  const auto cpu = make_on_cpu(model, scene, options);
+  const auto cuda = make_on_cuda(model, scene, options);
   for (int frame = 0; frame < frames; ++frame) {
     cpu->advance_frame();
     cuda->advance_frame();
@@ -45,6 +46,9 @@ double disagreement(const Model& model, const Scene& scene, Precision precision,
   EXPECT_TRUE(cuda->state().finite());
   EXPECT_EQ(cpu->contact_count() > 0, cuda->contact_count() > 0);
   return largest_difference(cpu->state(), cuda->state()) / model.size();
+}
+double disagreement(const Model& model, const Scene& scene, Precision precision, int frames) {
+  return disagreement(model, scene, SolverOptions{.precision = precision}, frames);
 }
 
 TEST_F(Cuda, EverySceneAgreesWithTheCpu) {
@@ -77,6 +81,52 @@ TEST_F(Cuda, EveryEffectAgreesWithTheCpu) {
     EXPECT_LE(disagreement(model, scene, Precision::fp64, 10), 1e-9) << name;
     EXPECT_LE(disagreement(model, scene, Precision::fp32, 10), 1e-4) << name;
   });
+}
+
+TEST_F(Cuda, EveryMethodAndOrderAgreesWithTheCpu) {
+  const Model model = make_cube(5);
+  Scene projected = drop_scene();
+  projected.params<NeoHookean>().clear();
+  projected.params<Distance>().emplace_back();
+  projected.params<Volume>().emplace_back();
+  for (const int iterations : {1, 3}) {
+    for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::jacobi}) {
+      SolverOptions options{
+          .scheme = scheme, .precision = Precision::fp64, .iterations = iterations};
+      EXPECT_LE(disagreement(model, drop_scene(), options, 10), 1e-9);
+      options.method = Method::pbd;
+      options.stiffness = 0.2;
+      EXPECT_LE(disagreement(model, projected, options, 10), 1e-9);
+    }
+  }
+  Scene fine = drop_scene();
+  fine.time.substeps = 256;
+  EXPECT_LE(disagreement(model, fine, {.method = Method::tled, .precision = Precision::fp64}, 10),
+            1e-9);
+  Scene matched = drop_scene();
+  matched.params<ShapeMatching>().push_back({.regions = "blocks", .tets = 60.0});
+  EXPECT_LE(disagreement(model, matched, {.precision = Precision::fp64, .iterations = 3}, 10),
+            1e-9);
+}
+
+// A flap that comes down on what is below it and slides there.
+TEST_F(Cuda, SelfContactAgreesWithTheCpuAndRepeatsItself) {
+  const Model model = make_flap();
+  Scene scene = folding_scene(true);
+  scene.params<SelfContact>().front().friction = 0.3;
+  EXPECT_LE(disagreement(model, scene, Precision::fp64, 20), 1e-7);
+  EXPECT_LE(disagreement(model, scene, Precision::fp32, 20), 1e-4);
+  std::uint64_t hash[2];
+  std::size_t contacts[2];
+  for (int run = 0; run < 2; ++run) {
+    const auto cuda = make_on_cuda(model, scene, {});
+    for (int frame = 0; frame < 30; ++frame) cuda->advance_frame();
+    hash[run] = cuda->state().hash();
+    contacts[run] = cuda->contact_count();
+  }
+  EXPECT_EQ(hash[0], hash[1]);
+  EXPECT_EQ(contacts[0], contacts[1]);
+  EXPECT_GT(contacts[0], 10u);
 }
 
 // The blocks' step is the same code on the host.

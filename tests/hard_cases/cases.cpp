@@ -16,7 +16,6 @@ std::vector<Entrant> entrants() {
     };
     all.push_back({"xpbd gauss_seidel", with(Method::xpbd, Scheme::gauss_seidel)});
     all.push_back({"xpbd block_gauss_seidel", with(Method::xpbd, Scheme::block_gauss_seidel)});
-    if (runs_on_cuda()) continue;
     all.push_back({"xpbd jacobi, split 4", with(Method::xpbd, Scheme::jacobi)});
     all.push_back({"pbd", with(Method::pbd, Scheme::gauss_seidel)});
     all.push_back({"tled", with(Method::tled, Scheme::jacobi)});

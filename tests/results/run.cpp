@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <limits>
 
+#include "tests/results/twins.hpp"
+
 namespace viscera::sim {
 namespace {
 
@@ -14,16 +16,29 @@ Scene after_policy(const Model& model, Scene scene, Method method) {
   return scene;
 }
 
+std::string device_asked_for() {
+  const char* const device = std::getenv("VISCERA_TEST_DEVICE");
+  return device ? device : "";
+}
+
 std::unique_ptr<Solver> make_under_test(const Model& model, const Scene& scene,
                                         const SolverOptions& options) {
-  return runs_on_cuda() ? make_on_cuda(model, scene, options) : make_on_cpu(model, scene, options);
+  const auto on_cpu = [&](int threads) {
+    SolverOptions own = options;
+    own.threads = threads;
+    return make_on_cpu(model, scene, own);
+  };
+  if (!runs_on_cuda() || !what_cuda_lacks(scene, options).empty()) return on_cpu(options.threads);
+  auto cuda = make_on_cuda(model, scene, options);
+  // Blocks are others on a device, so that a run on the CPU is no twin.
+  if (in_blocks(options) || device_asked_for() != "cuda+cpu") return cuda;
+  return std::make_unique<Twins>(std::move(cuda), on_cpu(0), model.size());
 }
 
 }  // namespace
 
 bool runs_on_cuda() {
-  const char* const device = std::getenv("VISCERA_TEST_DEVICE");
-  return device && device == std::string("cuda");
+  return device_asked_for().starts_with("cuda");
 }
 
 Run::Run(const Model& model, const Scene& scene, const SolverOptions& options)

@@ -7,7 +7,8 @@
 
 namespace viscera::sim {
 
-// Whether the suite runs on CUDA, which VISCERA_TEST_DEVICE=cuda asks for.
+// Whether the suite runs on CUDA what CUDA runs, which VISCERA_TEST_DEVICE=cuda asks for, and
+// cuda+cpu with a twin on the CPU (twins.hpp).
 bool runs_on_cuda();
 
 // A run as the product makes it. Keeps what must never happen: values that are not finite.

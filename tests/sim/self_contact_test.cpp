@@ -2,56 +2,16 @@
 // them; nothing where it is off.
 #include <gtest/gtest.h>
 
+#include <numeric>
+
+#include "sim/backend/self_contact_step.hpp"
 #include "sim/surface_pairs.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/sim/flap.hpp"
 
 namespace viscera::sim {
 namespace {
 
-constexpr double thickness = 1e-3;
-
-// A body of the tets whose centre satisfies `keep`, or of several bodies.
-template <class Keep>
-Model assembled(const std::vector<Model>& parts, const Material& material, Keep&& keep) {
-  std::vector<Vec3<double>> points;
-  std::vector<Tet> tets;
-  for (const Model& part : parts) {
-    std::vector<int> number(part.vertex_count(), -1);
-    for (const Tet& tet : part.tets) {
-      Vec3<double> center;
-      for (const int v : tet) center += 0.25 * (part.rest[v] + part.origin);
-      if (!keep(center)) continue;
-      Tet& own = tets.emplace_back();
-      for (int k = 0; k < 4; ++k) {
-        int& n = number[tet[k]];
-        if (n < 0) {
-          n = static_cast<int>(points.size());
-          points.push_back(part.rest[tet[k]] + part.origin);
-        }
-        own[k] = n;
-      }
-    }
-  }
-  return make_model(points, tets, std::vector<int>(tets.size(), 1), {{1, material}});
-}
-
-Vec3<double> place(const Model& model, std::size_t i) {
-  return model.rest[i] + model.origin;
-}
-
-// 60 x 20 x 20 mm with a slot 4 mm wide from x = 15 mm on; below the slot it is held.
-Model make_flap() {
-  Material soft = soft_tissue;
-  soft.youngs_modulus = 3e3;
-  const Model block = make_box({0.06, 0.02, 0.02}, {12, 4, 5}, soft);
-  Model model = assembled({block}, soft, [](const Vec3<double>& x) {
-    return !(x.x > 0.015 && x.z > 0.008 && x.z < 0.012);
-  });
-  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
-    model.fixed[i] = place(model, i).z < 0.0081 && place(model, i).x > 0.0;
-  }
-  return model;
-}
+constexpr double thickness = flap_thickness;
 
 // How far the flap's underside has come below the top of what it folds onto, m; negative: above.
 double overlap(const Model& model, const State& state) {
@@ -61,15 +21,6 @@ double overlap(const Model& model, const State& state) {
     if (x.x > 0.0151 && x.z > 0.0081) deepest = std::max(deepest, 0.008 - (x.z + state.u[i].z));
   }
   return deepest;
-}
-
-Scene folding_scene(bool self_contact) {
-  Scene scene = elastic_scene();
-  scene.params<Viscosity>().emplace_back();
-  scene.params<Gravity>().emplace_back();
-  scene.time.substeps = 32;
-  if (self_contact) scene.params<SelfContact>().push_back({.thickness = thickness});
-  return scene;
 }
 
 TEST(SelfContact, AFlapThatFoldsDownComesToRestOnWhatIsBelow) {
@@ -220,11 +171,101 @@ TEST(SelfContact, NeighboursAtRestAndTheTissueBehindAreLeftOut) {
   EXPECT_GT(found, 0u);  // across the slot, 4 mm wide
 }
 
+TEST(SelfContact, ATriangleTornOutFarStillMeetsWhatIsNearIt) {
+  const Model model = make_flap();
+  SurfacePairs pairs(model, thickness);
+  auto positions = model.rest;
+  const auto& [a, b, c] = pairs.triangles()[0];
+  positions[a] += Vec3<double>{40.0, 0.0, 0.0};  // over 8,000 by 8,000 cells
+  positions[b] += Vec3<double>{0.0, 40.0, 0.0};
+  positions[c] += Vec3<double>{-40.0, -40.0, 0.0};
+  pairs.place(positions, 1e-3);
+  std::vector<int> near;
+  pairs.find(positions, 0, near);
+  EXPECT_GT(near.size(), 20u);
+}
+
+// The threads of a device take the pairs of a round in any order.
+class ShuffledTeam {
+ public:
+  template <class Work>
+  void for_each(int count, const Work& work) const {
+    std::vector<int> order(count);
+    std::iota(order.begin(), order.end(), 0);
+    std::ranges::shuffle(order, random_);
+    for (const int k : order) work(k);
+  }
+  template <class Work>
+  bool any(int count, const Work& work) const {
+    bool result = false;
+    for_each(count, [&](int k) { result |= work(k); });
+    return result;
+  }
+  void lower(int& a, int b) const { a = std::min(a, b); }
+
+ private:
+  mutable std::mt19937 random_{7};
+};
+
+struct LooseBody {
+  const Triangle* triangles;
+  const std::vector<Vec3<double>>& rest;
+  std::vector<Vec3<double>>& d;
+  const std::vector<double>& w;
+
+  Vec3<double> start(int v) const { return rest[v]; }
+  Vec3<double> motion(int v) const { return d[v]; }
+  double mobility(int v) const { return w[v]; }
+  void move(int v, const Vec3<double>& by) const { d[v] += by; }
+};
+
+TEST(SelfContact, PairsSolvedInRoundsAreThoseOfTheListInItsOrderToTheBit) {
+  const Model model = make_flap();
+  const SurfacePairs pairs(model, thickness);
+  std::mt19937 random(3);
+  std::vector<Vec3<double>> start;
+  std::vector<double> w;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    start.push_back(random_vector(random, 1e-3));
+    w.push_back(model.fixed[i] ? 0.0 : 1.0 / model.mass[i]);
+  }
+  std::vector<TouchingPair> list;
+  std::uniform_int_distribution<std::size_t> any(0, pairs.vertices().size() - 1);
+  for (int t = 0; t < static_cast<int>(pairs.triangles().size()); ++t) {
+    for (int k = 0; k < 3; ++k) {
+      list.push_back({pairs.vertices()[any(random)], t, {0.0, {0.6, 0.0, 0.8}, {0.2, 0.5, 0.3}}});
+    }
+  }
+  const double distance = 0.02, friction = 0.5;
+  auto in_order = list, in_rounds = list;
+  auto d = start, rounds_d = start;
+  const LooseBody body{pairs.triangles().data(), model.rest, d, w};
+  for (int sweep = 0; sweep < contact_sweeps; ++sweep) {
+    for (auto& pair : in_order) keep_apart(body, pair, distance);
+  }
+  for (const auto& pair : in_order) resist_slide(body, pair, friction);
+
+  const LooseBody same{pairs.triangles().data(), model.rest, rounds_d, w};
+  std::vector<int> round_of(list.size()), holder(model.vertex_count(), unclaimed);
+  const int count = static_cast<int>(list.size());
+  const ShuffledTeam team;
+  const int rounds =
+      keep_all_apart(team, same, in_rounds.data(), count, distance, round_of.data(), holder.data());
+  resist_all_slides(team, same, in_rounds.data(), count, friction, round_of.data(), rounds);
+  EXPECT_EQ(d, rounds_d);
+  EXPECT_LT(rounds, count / 4) << "pairs that share no vertex go side by side";
+  EXPECT_EQ(std::ranges::count(holder, unclaimed), std::ssize(holder));
+  EXPECT_GT(count_held(in_order), 20u);
+  EXPECT_EQ(count_held(in_order), count_held(in_rounds));
+}
+
 TEST(SelfContact, SolversThatCannotDoItSaySo) {
   const Model model = make_cube(1);
   EXPECT_THROW(make_on_cpu(model, folding_scene(true), {.method = Method::fem}), Refusal);
-  EXPECT_EQ(what_cuda_lacks(folding_scene(true), {}), "effects.self_contact");
-  EXPECT_EQ(what_cuda_lacks(folding_scene(false), {}), "");
+  const SolverOptions blocks{.scheme = Scheme::block_gauss_seidel};
+  EXPECT_EQ(what_cuda_lacks(folding_scene(true), blocks), "effects.self_contact in blocks");
+  EXPECT_EQ(what_cuda_lacks(folding_scene(false), blocks), "");
+  EXPECT_EQ(what_cuda_lacks(folding_scene(true), {}), "");
 }
 
 }  // namespace

@@ -1,6 +1,8 @@
 // Runs the verification problems and writes the table of the figures that they reach.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "tests/results/twins.hpp"
 #include "tests/verification/problems.hpp"
 
 namespace viscera::sim {
@@ -24,8 +26,20 @@ const std::string head = R"(# Verification
 
 Written by `test_solvers`; do not edit. Errors are rms over vertices against Newton's equilibrium on
 the same mesh, over the rms displacement, unless a row says otherwise: the solver's error, without
-that of the mesh. Rows without a bound are reported.
+that of the mesh. Rows without a bound are reported. With `VISCERA_TEST_DEVICE=cuda+cpu` what CUDA
+runs is run there and on the CPU, and the table is `verification_cuda.md`.
 )";
+
+// Of the runs that were made on both.
+std::string agreement_in_words() {
+  const Agreement& all = agreement();
+  if (all.runs + all.blown_up == 0) return "";
+  return fmt::format(
+      "\nOn CUDA and beside it on the CPU: {} runs, at most {:.2g} L apart at any vertex and "
+      "frame; "
+      "{} that blow up, as their rows say, are left out.\n",
+      all.runs, all.largest, all.blown_up);
+}
 
 TEST(Solvers, EveryFigureIsWithinItsBoundOrAKnownMissThatIsNoWorse) {
   std::vector<Row> rows;
@@ -34,8 +48,10 @@ TEST(Solvers, EveryFigureIsWithinItsBoundOrAKnownMissThatIsNoWorse) {
   add_contact_problems(rows);
   add_measured_problems(rows);
   add_judge_problems(rows);
-  run_rows(rows);
-  write_table("docs/results/verification.md", head, "met", rows);
+  run_rows(rows, runs_on_cuda() ? 1 : std::thread::hardware_concurrency());
+  const std::string table = runs_on_cuda() ? "verification_cuda.md" : "verification.md";
+  write_table("docs/results/" + table, head + agreement_in_words(), "met", rows);
+  EXPECT_LE(agreement().largest, 1e-4) << "CPU and CUDA, over L";
   for (const auto& complaint : complaints(rows, known_misses)) ADD_FAILURE() << complaint;
 }
 

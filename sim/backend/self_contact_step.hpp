@@ -1,0 +1,167 @@
+// What self-contact does with one pair of a vertex and a triangle, for host and device; equations
+// in effects/self_contact.hpp. A Body offers `triangles`, and of a vertex start(v), where it is at
+// the start of the substep (m), motion(v), what it moves over it (m), mobility(v), its inverse mass
+// in any unit, and move(v, by).
+#pragma once
+
+#include <algorithm>
+#include <span>
+#include <vector>
+
+#include "sim/effects/self_contact.hpp"
+#include "sim/surface.hpp"
+
+namespace viscera::sim {
+
+struct TouchingPair {
+  int vertex, triangle;
+  Over over;
+  double pushed;  // by how much they were moved apart, m
+};
+
+constexpr int contact_sweeps = 4;  // over all pairs that touch
+
+// How far from a triangle a vertex may be that touches it in a substep in which no vertex moves
+// more than `motion`: it may be nearer than the thickness at the start, or when they meet, or lie
+// up to twice the motion under the triangle at the end.
+SIM_HD double contact_reach(double thickness, double motion) {
+  return thickness + 4.0 * motion;
+}
+
+template <class Body>
+SIM_HD SurfacePair pair_of(const Body& body, int vertex, int triangle) {
+  SurfacePair pair;
+  pair.x = body.start(vertex);
+  pair.dx = body.motion(vertex);
+  for (int j = 0; j < 3; ++j) {
+    const int v = body.triangles[triangle][j];
+    pair.y[j] = body.start(v);
+    pair.dy[j] = body.motion(v);
+  }
+  return pair;
+}
+
+// The relative motion over the substep.
+SIM_HD Vec3<double> slide(const SurfacePair& pair, const Over& over) {
+  Vec3<double> relative = pair.dx;
+  for (int j = 0; j < 3; ++j) relative -= over.b[j] * pair.dy[j];
+  return relative;
+}
+
+// Adds `relative` to the motion of the vertex relative to the triangle, by their inverse masses.
+template <class Body>
+SIM_HD void share_out(const Body& body, const TouchingPair& contact, const Vec3<double>& relative) {
+  const Triangle& corners = body.triangles[contact.triangle];
+  const auto& b = contact.over.b;
+  double mobility = body.mobility(contact.vertex);
+  for (int j = 0; j < 3; ++j) mobility += b[j] * b[j] * body.mobility(corners[j]);
+  if (!(mobility > 0.0)) return;
+  const auto move = [&](int v, double by) {
+    body.move(v, (by * body.mobility(v) / mobility) * relative);
+  };
+  move(contact.vertex, 1.0);
+  for (int j = 0; j < 3; ++j) move(corners[j], -b[j]);
+}
+
+template <class Body>
+SIM_HD void keep_apart(const Body& body, TouchingPair& contact, double distance) {
+  const SurfacePair now = pair_of(body, contact.vertex, contact.triangle);
+  Vec3<double> apart = now.x + slide(now, contact.over);
+  for (int j = 0; j < 3; ++j) apart -= contact.over.b[j] * now.y[j];
+  const double missing = distance - dot(contact.over.normal, apart);
+  if (!(missing > 0.0)) return;
+  share_out(body, contact, missing * contact.over.normal);
+  contact.pushed += missing;
+}
+
+template <class Body>
+SIM_HD void resist_slide(const Body& body, const TouchingPair& contact, double friction) {
+  const double limit = friction * contact.pushed;
+  if (!(limit > 0.0)) return;
+  const Vec3<double> relative =
+      slide(pair_of(body, contact.vertex, contact.triangle), contact.over);
+  const Vec3<double>& n = contact.over.normal;
+  const Vec3<double> along = relative - dot(n, relative) * n;
+  const double distance = norm(along);
+  share_out(body, contact, (distance > limit ? -limit / distance : -1.0) * along);
+}
+
+// Vertices that were held off a triangle.
+inline std::size_t count_held(std::span<const TouchingPair> contacts) {
+  std::vector<int> held;
+  for (const auto& contact : contacts) {
+    if (contact.pushed > 0.0) held.push_back(contact.vertex);
+  }
+  std::ranges::sort(held);
+  return std::unique(held.begin(), held.end()) - held.begin();
+}
+
+// function(vertex) for the vertices that a pair may move.
+template <class Body, class Function>
+SIM_HD void for_each_moved(const Body& body, const TouchingPair& contact,
+                           const Function& function) {
+  if (body.mobility(contact.vertex) > 0.0) function(contact.vertex);
+  for (int j = 0; j < 3; ++j) {
+    const int v = body.triangles[contact.triangle][j];
+    if (body.mobility(v) > 0.0) function(v);
+  }
+}
+
+constexpr int unclaimed = 0x7fffffff;
+
+// Moves pairs apart, one after the other as far as anyone can tell, and returns in how many rounds.
+// In a round each pair that still waits claims the vertices that it moves; the earliest claim
+// holds, and who holds all of its own is solved. The pairs of a round share no vertex, and of two
+// that do the earlier comes first: the result is that of the list in its order, to the bit
+// (Blelloch et al., "Internally deterministic parallel algorithms can be fast", PPoPP 2012:
+// deterministic reservations). round_of [count] tells the round of each; holder [vertices] is
+// `unclaimed` before and after. A Team offers for_each(count, work), work(k) in any order and all
+// done on return; any(count, work), whether one of them is true; and lower(a, b), a = min(a, b).
+template <class Team, class Body>
+SIM_HD int keep_all_apart(const Team& team, const Body& body, TouchingPair* contacts, int count,
+                          double distance, int* round_of, int* holder) {
+  constexpr int waits = -1;
+  team.for_each(count, [&](int c) { round_of[c] = waits; });
+  int rounds = 0;
+  for (bool left = count > 0; left; ++rounds) {
+    team.for_each(count, [&](int c) {
+      if (round_of[c] != waits) return;
+      for_each_moved(body, contacts[c], [&](int v) { team.lower(holder[v], c); });
+    });
+    team.for_each(count, [&](int c) {
+      bool holds_all = round_of[c] == waits;
+      if (!holds_all) return;
+      for_each_moved(body, contacts[c], [&](int v) { holds_all = holds_all && holder[v] == c; });
+      if (!holds_all) return;
+      round_of[c] = rounds;
+      keep_apart(body, contacts[c], distance);
+    });
+    left = team.any(count, [&](int c) {
+      if (round_of[c] == waits || round_of[c] == rounds) {
+        for_each_moved(body, contacts[c], [&](int v) { holder[v] = unclaimed; });
+      }
+      return round_of[c] == waits;
+    });
+  }
+  for (int sweep = 1; sweep < contact_sweeps; ++sweep) {
+    for (int round = 0; round < rounds; ++round) {
+      team.for_each(count, [&](int c) {
+        if (round_of[c] == round) keep_apart(body, contacts[c], distance);
+      });
+    }
+  }
+  return rounds;
+}
+
+// Friction, in the same order.
+template <class Team, class Body>
+SIM_HD void resist_all_slides(const Team& team, const Body& body, const TouchingPair* contacts,
+                              int count, double friction, const int* round_of, int rounds) {
+  for (int round = 0; round < rounds; ++round) {
+    team.for_each(count, [&](int c) {
+      if (round_of[c] == round) resist_slide(body, contacts[c], friction);
+    });
+  }
+}
+
+}  // namespace viscera::sim
