@@ -6,6 +6,7 @@
 #include <map>
 
 #include "sim/coloring.hpp"
+#include "sim/parallel.hpp"
 #include "sim/partition.hpp"
 #include "sim/row.hpp"
 #include "sim/solvers/linearized.hpp"
@@ -61,6 +62,15 @@ struct BlockElements {
     if (elements_in_phase() > 0) phase_begin.push_back(element_count());
   }
   void end_block() { block_phase.push_back(static_cast<int>(phase_begin.size()) - 1); }
+  void append_block(const BlockElements& block) {
+    const int first = element_count();
+    vertices.insert(vertices.end(), block.vertices.begin(), block.vertices.end());
+    element_of.insert(element_of.end(), block.element_of.begin(), block.element_of.end());
+    for (std::size_t phase = 1; phase < block.phase_begin.size(); ++phase) {
+      phase_begin.push_back(first + block.phase_begin[phase]);
+    }
+    end_block();
+  }
 
   Range phases_of(int block) const { return {block_phase[block], block_phase[block + 1]}; }
   // Of the fullest block.
@@ -152,15 +162,12 @@ class BlockLayout {
 
   template <class T>
   LocalConstants<T> constants(const Program<T>& program) const {
-    const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
     LocalConstants<T> result;
     for (const LocalVertex& local : locals_) {
-      const T copies = static_cast<T>(copies_of(local.vertex).size());
-      const T w = program.inverse_mass[local.vertex];
       result.rest.push_back(program.rest[local.vertex]);
-      result.inverse_mass.push_back(w);
-      result.mobility.push_back(copies * w * dt2);
-      result.share.push_back(T(1) / copies);
+      result.inverse_mass.push_back(program.inverse_mass[local.vertex]);
+      result.mobility.push_back(mobility_of(program, local.vertex));
+      result.share.push_back(T(1) / static_cast<T>(copies_of(local.vertex).size()));
       const auto [begin, end] = local.copies;
       result.copies.push_back(
           {static_cast<std::uint16_t>(begin), static_cast<std::uint16_t>(end - begin)});
@@ -179,13 +186,16 @@ class BlockLayout {
   template <class Effect, class T>
   BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect) const {
     const auto members = members_of(effect);
-    Meetings meetings(split_.vertex_count());
+    std::vector<BlockElements<Effect, T>> blocks(block_count());
+    parallel_ranges(blocks.size(), [&](std::size_t begin, std::size_t end) {
+      Meetings meetings(split_.vertex_count());
+      for (std::size_t block = begin; block < end; ++block) {
+        meetings.count(effect, members[block]);
+        append(effect, static_cast<int>(block), members[block], meetings, blocks[block]);
+      }
+    });
     BlockElements<Effect, T> result;
-    for (int block = 0; block < block_count(); ++block) {
-      meetings.count(effect, members[block]);
-      append(effect, block, members[block], meetings, result);
-      result.end_block();
-    }
+    for (const auto& block : blocks) result.append_block(block);
     result.rest = rest_of(effect, result.element_of);
     return result;
   }
@@ -197,12 +207,10 @@ class BlockLayout {
     if (cs > cs_limit) return true;
     double softening = 0.0, whole = 0.0;
     if constexpr (is_eliminated<Effect>) {
-      const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
       for (std::size_t e = 0; e < effect.rest.size(); ++e) {
         T mobility[Effect::arity];
         for (int i = 0; i < Effect::arity; ++i) {
-          const int v = effect.vertices[e][i];
-          mobility[i] = static_cast<T>(copies_of(v).size()) * program.inverse_mass[v] * dt2;
+          mobility[i] = mobility_of(program, effect.vertices[e][i]);
         }
         const double volume = Effect::volume(effect.rest[e]);
         softening += volume * (1.0 / Effect::relaxation(effect.rest[e], mobility) - 1.0);
@@ -229,6 +237,13 @@ class BlockLayout {
   }
 
  private:
+  // Of each copy of a vertex, s2/kg.
+  template <class T>
+  T mobility_of(const Program<T>& program, int vertex) const {
+    const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
+    return static_cast<T>(copies_of(vertex).size()) * program.inverse_mass[vertex] * dt2;
+  }
+
   // How many elements of a block each vertex belongs to.
   struct Meetings {
     std::vector<int> of, so_far;  // [vertices]

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stages/common/parallel.hpp"
+#include "sim/parallel.hpp"
 
 namespace viscera {
 namespace {
@@ -55,9 +55,9 @@ Field convolve(const Frame& frame, const Field& in, int axis, const std::vector<
     }
   };
   if (axis == 0) {
-    parallel_ranges(rows, shift_rows);
+    sim::parallel_ranges(rows, shift_rows);
   } else {
-    parallel_ranges(rows * static_cast<std::size_t>(length), add_rows);
+    sim::parallel_ranges(rows * static_cast<std::size_t>(length), add_rows);
   }
   return out;
 }

@@ -7,8 +7,8 @@
 #include <map>
 #include <set>
 
+#include "sim/parallel.hpp"
 #include "stages/common/label_components.hpp"
-#include "stages/common/parallel.hpp"
 
 namespace viscera {
 namespace {
@@ -193,7 +193,7 @@ using Far = std::map<std::size_t, double>;  // voxels beyond the limit, by their
 Deviation faces_to_surface(const Mask& mask, const TriangleGrid& grid, double beyond, Far& far) {
   std::vector<Sum> slabs(static_cast<std::size_t>(mask.frame.size[2]));
   std::vector<Far> found(slabs.size());
-  parallel_ranges(slabs.size(), [&](std::size_t begin, std::size_t end) {
+  sim::parallel_ranges(slabs.size(), [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k)
       for_each_face(mask, static_cast<int>(k), [&](std::size_t v, const Point& p) {
         const double squared = grid.squared_distance(p);
@@ -239,7 +239,7 @@ Deviation surface_to_faces(const Mask& mask, const SurfaceMesh& surface,
   constexpr std::size_t slab = 4096;
   const std::size_t samples = points.size() + surface.triangles.size();
   std::vector<Sum> slabs((samples + slab - 1) / slab);
-  parallel_ranges(slabs.size(), [&](std::size_t begin, std::size_t end) {
+  sim::parallel_ranges(slabs.size(), [&](std::size_t begin, std::size_t end) {
     for (std::size_t s = begin; s < end; ++s)
       for (std::size_t i = s * slab; i < std::min(samples, (s + 1) * slab); ++i) {
         Point p;

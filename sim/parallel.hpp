@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-namespace viscera {
+namespace viscera::sim {
 
 // Calls work(begin, end) for parts that make up [0, count). Results must not depend on the parts.
 // The first part's exception, if any, is thrown when all have ended.
@@ -31,4 +31,4 @@ void parallel_ranges(std::size_t count, Work work) {
     if (failure) std::rethrow_exception(failure);
 }
 
-}  // namespace viscera
+}  // namespace viscera::sim
