@@ -75,8 +75,14 @@ __global__ void find_largest_motion(int count, const int* vertices, ContactBody<
   if (threadIdx.x % 32 == 0 && most > 0) atomicMax(largest, most);
 }
 
+// Not inlined, so that who counts and who lists finds the same pairs, to the rounding.
+template <class T>
+__device__ __noinline__ bool touch_in_step(const ContactBody<T>& body, double distance,
+                                           TouchingPair& pair) {
+  return touch(pair_of(body, pair.vertex, pair.triangle), distance, pair.over);
+}
+
 // Counts the vertices that touch each triangle, or lists them, ascending, where they were counted.
-// One kernel for both: what touches is found by the same instructions.
 template <class T>
 __global__ void find_pairs(bool lists, int triangles, SurfaceGrid grid, ContactBody<T> body,
                            double thickness, double distance, const unsigned* largest_motion,
@@ -94,7 +100,7 @@ __global__ void find_pairs(bool lists, int triangles, SurfaceGrid grid, ContactB
       [&](int vertex) { return body.start(vertex); },
       [&](int vertex) {
         TouchingPair pair{vertex, t, {}, 0.0};
-        if (!touch(pair_of(body, vertex, t), distance, pair.over)) return;
+        if (!touch_in_step(body, distance, pair)) return;
         if (lists) {
           int at = count;
           for (; at > 0 && own[at - 1].vertex > vertex; --at) own[at] = own[at - 1];

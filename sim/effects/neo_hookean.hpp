@@ -179,7 +179,7 @@ struct NeoHookean {
     const Mat3<T> h = displacement_gradient(u, d, rest.rest_inverse);
     const Mat3<T> cof_minus_i = cofactor_strain(h);
     const T kd = rest.deviatoric, mixed = rest.mu_over_lambda, r = volume_strain(h);
-    const T whole = kd * (squared_norm(plus_identity(T(1), h)) + mixed);
+    const T stretch = kd * squared_norm(plus_identity(T(1), h)), whole = stretch + kd * mixed;
     Vec3<T> e[3], b[4], g[4], followed[3];
     scatter(-kd, h - cof_minus_i, rest.rest_inverse, b);
     scatter(T(1), plus_identity(T(1), cof_minus_i), rest.rest_inverse, g);
@@ -210,7 +210,9 @@ struct NeoHookean {
     out.response[2] = over * m00;
     const T r0 = whole - kd * r, r1 = mixed - r;
     out.offset[0] = out.response[0] * (r0 + be) + out.response[1] * (r1 + ge);
-    out.offset[1] = out.response[1] * (r0 + be) + out.response[2] * (r1 + ge);
+    // The second row, multiplied out: at rest r0 and r1 alone would leave their rounding.
+    const T left = rho * (bb * r1 - bg * r0) - r * stretch;
+    out.offset[1] = over * (left + m00 * ge - m10 * be);
   }
 
   static double explicit_modulus(const Material& material, const Params&) {

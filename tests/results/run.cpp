@@ -32,7 +32,15 @@ std::unique_ptr<Solver> make_under_test(const Model& model, const Scene& scene,
   auto cuda = make_on_cuda(model, scene, options);
   // Blocks are others on a device, so that a run on the CPU is no twin.
   if (in_blocks(options) || device_asked_for() != "cuda+cpu") return cuda;
-  return std::make_unique<Twins>(std::move(cuda), on_cpu(0), model.size());
+  const char* const methods[] = {"xpbd", "pbd", "tled"};
+  const char* const schemes[] = {"gauss_seidel", "block_gauss_seidel", "jacobi"};
+  return std::make_unique<Twins>(
+      std::move(cuda), on_cpu(0), model.size(),
+      fmt::format("{} {} fp{}, {} tets, {} × {} a frame of {:.3g} ms",
+                  methods[static_cast<int>(options.method)],
+                  schemes[static_cast<int>(options.scheme)],
+                  options.precision == Precision::fp32 ? 32 : 64, model.tet_count(),
+                  scene.time.substeps, options.iterations, 1e3 * scene.time.frame_s));
 }
 
 }  // namespace

@@ -214,5 +214,14 @@ TEST(Blocks, OtherValuesGiveTheRunThatStartsWithThem) {
   EXPECT_EQ(after(changed, 5).hash(), after(fresh, 5).hash());
 }
 
+TEST(Blocks, ABodyWithoutForcesStaysWhereItIsToTheBit) {
+  const Model model = make_cube(3);
+  for (const bool linearized : {true, false}) {
+    HostBlocks<float> blocks(model, elastic_scene(), 60, linearized);
+    const State state = after(blocks, 20);
+    for (const auto& u : state.u) EXPECT_EQ(norm(u), 0.0);
+  }
+}
+
 }  // namespace
 }  // namespace viscera::sim
