@@ -8,6 +8,28 @@
 
 namespace viscera::sim {
 
+// An axis-aligned box, m.
+struct Bounds {
+  Vec3<double> lo, hi;
+
+  // Of three points and `around` them.
+  SIM_HD Bounds(const Vec3<double>& a, const Vec3<double>& b, const Vec3<double>& c, double around)
+      : lo{least(a.x, b.x, c.x) - around, least(a.y, b.y, c.y) - around,
+           least(a.z, b.z, c.z) - around},
+        hi{around - least(-a.x, -b.x, -c.x), around - least(-a.y, -b.y, -c.y),
+           around - least(-a.z, -b.z, -c.z)} {}
+
+  SIM_HD bool holds(const Vec3<double>& p) const {
+    return lo.x <= p.x && p.x <= hi.x && lo.y <= p.y && p.y <= hi.y && lo.z <= p.z && p.z <= hi.z;
+  }
+
+ private:
+  SIM_HD static double least(double a, double b, double c) {
+    const double ab = a < b ? a : b;
+    return ab < c ? ab : c;
+  }
+};
+
 // The surface's vertices, sorted into the cells of a grid. All arrays are somebody else's, of the
 // host or of a device.
 struct SurfaceGrid {
@@ -30,20 +52,13 @@ struct SurfaceGrid {
   template <class At, class Visit>
   SIM_HD void for_each_near(int triangle, double reach, const At& at, const Visit& visit) const {
     const auto& [a, b, c] = triangles[triangle];
-    const Vec3<double> x = at(a), y = at(b), z = at(c);
-    const Vec3<double> lo = {least(x.x, y.x, z.x) - reach, least(x.y, y.y, z.y) - reach,
-                             least(x.z, y.z, z.z) - reach};
-    const Vec3<double> hi = {-least(-x.x, -y.x, -z.x) + reach, -least(-x.y, -y.y, -z.y) + reach,
-                             -least(-x.z, -y.z, -z.z) + reach};
+    const Bounds box(at(a), at(b), at(c), reach);
     const auto look = [&](int vertex) {
-      const Vec3<double> p = at(vertex);
-      const bool inside =
-          lo.x <= p.x && p.x <= hi.x && lo.y <= p.y && p.y <= hi.y && lo.z <= p.z && p.z <= hi.z;
-      if (inside && !is_left_out(triangle, vertex)) visit(vertex);
+      if (box.holds(at(vertex)) && !is_left_out(triangle, vertex)) visit(vertex);
     };
-    const Key i0 = index_of(lo.x, cell), i1 = index_of(hi.x, cell);
-    const Key j0 = index_of(lo.y, cell), j1 = index_of(hi.y, cell);
-    const Key k0 = index_of(lo.z, cell), k1 = index_of(hi.z, cell);
+    const Key i0 = index_of(box.lo.x, cell), i1 = index_of(box.hi.x, cell);
+    const Key j0 = index_of(box.lo.y, cell), j1 = index_of(box.hi.y, cell);
+    const Key k0 = index_of(box.lo.z, cell), k1 = index_of(box.hi.z, cell);
     // A triangle torn out to more rows of cells than there are vertices meets them all at once.
     if ((i1 - i0 + 1) * (j1 - j0 + 1) > static_cast<Key>(count)) {
       for (int n = 0; n < count; ++n) look(vertices[n]);
@@ -62,10 +77,6 @@ struct SurfaceGrid {
  private:
   static constexpr int bits = 21;  // of an index
 
-  SIM_HD static double least(double a, double b, double c) {
-    const double ab = a < b ? a : b;
-    return ab < c ? ab : c;
-  }
   SIM_HD static Key pack(Key i, Key j, Key k) { return (i << 2 * bits) | (j << bits) | k; }
   // Far beyond any body, and what is no number, share the outermost cells.
   SIM_HD static Key index_of(double x, double cell) {

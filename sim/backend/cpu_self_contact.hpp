@@ -1,7 +1,7 @@
 // Self-contact on the CPU. Pairs are looked for side by side and solved one after the other, in the
 // order of their triangles and vertices: any number of threads gives the same bits. Candidates stay
-// valid until a vertex has moved half of their margin; which pairs touch is decided anew in every
-// substep and does not depend on when the candidates were found.
+// valid while no vertex has moved too far for their margin; which pairs touch is decided anew in
+// every substep and does not depend on when the candidates were found.
 #pragma once
 
 #include <algorithm>
@@ -21,6 +21,7 @@ class CpuSelfContact {
         rest_(prepared.rest),
         thickness_(prepared.params.thickness),
         friction_(prepared.params.friction),
+        starts_(rest_.size()),
         found_at_(rest_.size()),
         candidates_(pairs_.triangles().size()) {}
 
@@ -68,11 +69,15 @@ class CpuSelfContact {
       moved_.resize(team.size());
     }
     team.barrier();
-    look_for_candidates(team, rank, body);
+    const double reach = contact_reach(thickness_, look_for_candidates(team, rank, body));
     const Range mine = part_of(all_triangles(), rank, team.size());
     own_[rank].clear();
     for (int t = mine.begin; t < mine.end; ++t) {
+      if (candidates_[t].empty()) continue;
+      const auto& [a, b, c] = pairs_.triangles()[t];
+      const Bounds box(starts_[a], starts_[b], starts_[c], reach);
       for (const int vertex : candidates_[t]) {
+        if (!box.holds(starts_[vertex])) continue;
         TouchingPair contact{vertex, t, {}, 0.0};
         if (touch(pair_of(body, vertex, t), distance, contact.over)) own_[rank].push_back(contact);
       }
@@ -94,15 +99,16 @@ class CpuSelfContact {
     return {pairs_.triangles().data(), rest_.data(), u.data(), d.data()};
   }
 
-  void look_for_candidates(Team& team, int rank, const Body& body) {
+  // Returns the most that a vertex moves in this substep, m.
+  double look_for_candidates(Team& team, int rank, const Body& body) {
     const auto& vertices = pairs_.vertices();
     const Range mine = part_of({0, static_cast<int>(vertices.size())}, rank, team.size());
     Moved own;
     for (int k = mine.begin; k < mine.end; ++k) {
-      const Vec3<double> x = body.start(vertices[k]), dx = body.motion(vertices[k]);
-      const Vec3<double> from = x - found_at_[vertices[k]];
-      own.since = std::max({own.since, norm(from), norm(from + dx)});
-      own.now = std::max(own.now, norm(dx));
+      const int v = vertices[k];
+      starts_[v] = body.start(v);
+      own.since = std::max(own.since, norm(starts_[v] - found_at_[v]));
+      own.now = std::max(own.now, norm(body.motion(v)));
     }
     moved_[rank] = own;
     team.barrier();
@@ -112,11 +118,13 @@ class CpuSelfContact {
       all.now = std::max(all.now, part.now);
     }
     team.barrier();
-    if (margin_ > 0.0 && all.since <= 0.5 * margin_) return;
+    // What may touch now, vertex and triangle both having moved, was found then.
+    const bool known = contact_reach(thickness_, all.now) + 2.0 * all.since <= thickness_ + margin_;
+    if (margin_ > 0.0 && known) return all.now;
     team.barrier();  // all have read the margin
     if (rank == 0) {
       margin_ = std::max(2.0 * thickness_, 8.0 * all.now);
-      for (const int v : vertices) found_at_[v] = body.start(v);
+      found_at_ = starts_;
       pairs_.place(found_at_, thickness_ + margin_);
     }
     team.barrier();
@@ -125,6 +133,7 @@ class CpuSelfContact {
       pairs_.find(found_at_, t, candidates_[t]);
     }
     team.barrier();
+    return all.now;
   }
 
   struct Moved {
@@ -136,6 +145,7 @@ class CpuSelfContact {
   std::vector<Vec3<double>> rest_;
   double thickness_, friction_;
   double margin_ = 0.0;                         // m; 0: candidates were never looked for
+  std::vector<Vec3<double>> starts_;            // [n] of the surface's vertices, in this substep, m
   std::vector<Vec3<double>> found_at_;          // [n] where candidates were found, m
   std::vector<std::vector<int>> candidates_;    // [triangles] vertices, ascending
   std::vector<Moved> moved_;                    // [threads]

@@ -35,7 +35,8 @@ std::unique_ptr<Solver> make_under_test(const Model& model, const Scene& scene,
   const char* const methods[] = {"xpbd", "pbd", "tled"};
   const char* const schemes[] = {"gauss_seidel", "block_gauss_seidel", "jacobi"};
   return std::make_unique<Twins>(
-      std::move(cuda), on_cpu(0), model.size(),
+      std::move(cuda), on_cpu(0), on_cpu(0), model.size(),
+      options.precision == Precision::fp32 ? 1e-7 : 1e-15,
       fmt::format("{} {} fp{}, {} tets, {} × {} a frame of {:.3g} ms",
                   methods[static_cast<int>(options.method)],
                   schemes[static_cast<int>(options.scheme)],
