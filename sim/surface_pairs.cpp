@@ -17,7 +17,7 @@ bool belongs_together(const Model& model, int vertex, const Triangle& triangle, 
 
 // The surface in an order in which neighbours are far apart: pairs are solved in the order of their
 // triangles, and on a device the longest chain of pairs that share a vertex decides how long that
-// takes. A fourth of that along the surface.
+// takes: a fourth as many rounds as in the order of the surface, with three vertices on each.
 std::vector<Triangle> scattered_faces(const Model& model) {
   const std::vector<Triangle> faces = boundary_faces(model);
   std::vector<std::pair<std::uint64_t, std::size_t>> order;

@@ -291,6 +291,8 @@ class CudaSolver final : public Solver {
     v_.upload(cast_all<T>(state.v));
     done_.upload({state.step});
     load_memory(effects_, state);
+    for_each_slot<EffectKind::self_contact>(effects_,
+                                            [&]<class Effect>(auto& effect) { effect.forget(); });
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
@@ -337,30 +339,39 @@ class CudaSolver final : public Solver {
         n_(static_cast<int>(program_.rest.size())),
         dt_(program_.dt),
         substeps_(program_.substeps),
-        rest_((require_memory(program_), program_.rest)),
+        layout_{n_, options.method == Method::tled || options.scheme == Scheme::jacobi,
+                iterates(options)},
+        rest_((require_memory(program_, layout_), program_.rest)),
         inverse_mass_(program_.inverse_mass),
         u_(n_),
         v_(n_),
         d_(n_),
         done_(1) {
-    const bool side_by_side = options.method == Method::tled || options.scheme == Scheme::jacobi;
-    const DeviceLayout layout{n_, side_by_side, iterates(options)};
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& host : std::get<i>(program_.effects)) {
-        std::get<i>(effects_).emplace_back(host, layout);
+        std::get<i>(effects_).emplace_back(host, layout_);
       }
     });
     check(cudaStreamCreate(&stream_), "creating a stream");
     capture();
   }
 
-  static void require_memory(const Program<T>& program) {
-    std::size_t bytes = program.rest.size() * (4 * sizeof(Vec3<T>) + 2 * sizeof(T));
+  static void require_memory(const Program<T>& program, const DeviceLayout& layout) {
+    const std::size_t n = program.rest.size();
+    std::size_t bytes = n * (4 * sizeof(Vec3<T>) + 2 * sizeof(T));
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
-      bytes += effect.rest.size() * (sizeof(effect.rest[0]) + sizeof(effect.vertices[0]));
+      const std::size_t kept = memory_of<Effect> + (layout.iterates ? Effect::rows : 0);
+      const std::size_t gathered = layout.gathers ? sizeof(Vec3<T>) + sizeof(int) : 0;
+      bytes += effect.rest.size() * (sizeof(effect.rest[0]) + sizeof(effect.vertices[0]) +
+                                     kept * sizeof(T) + gathered * Effect::arity);
     });
+    for_each_slot<EffectKind::region>(program.effects, [&]<class Effect>(const auto& effect) {
+      bytes += CudaRegions<T>::bytes(effect.regions, layout.iterates);
+    });
+    for_each_slot<EffectKind::contact>(
+        program.effects, [&]<class Effect>(const auto&) { bytes += n * sizeof(Vec3<T>); });
     for_each_slot<EffectKind::self_contact>(program.effects, [&]<class Effect>(const auto& effect) {
-      bytes += CudaSelfContact<T>::bytes(effect.pairs, program.rest.size());
+      bytes += CudaSelfContact<T>::bytes(effect.pairs, n);
     });
     require_device_memory(bytes);
   }
@@ -487,6 +498,7 @@ class CudaSolver final : public Solver {
   int n_;
   double dt_;  // s
   int substeps_;
+  DeviceLayout layout_;
   DeviceArray<Vec3<T>> rest_;
   DeviceArray<T> inverse_mass_;
   DeviceArray<Vec3<T>> u_, v_, d_;

@@ -80,6 +80,13 @@ class CudaRegions {
         fits_(host.regions.size()),
         so_far_(iterates ? host.members.size() : 0) {}
 
+  static std::size_t bytes(const Regions& host, bool iterates) {
+    return host.members.size() * (sizeof(RegionMember) + 2 * sizeof(int)) +
+           host.begin.size() * sizeof(int) +
+           host.regions.size() * (sizeof(Region) + sizeof(RegionFit) + sizeof(double)) +
+           (iterates ? host.members.size() * sizeof(Vec3<double>) : 0);
+  }
+
   void retune(const std::vector<double>& squared_phase) { squared_phase_.upload(squared_phase); }
 
   // One iteration.

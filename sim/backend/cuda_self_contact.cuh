@@ -9,6 +9,7 @@
 #include "sim/backend/cuda_memory.cuh"
 #include "sim/backend/self_contact_step.hpp"
 #include "sim/solvers/program.hpp"
+#include "sim/solvers/solver.hpp"
 
 namespace viscera::sim {
 
@@ -35,6 +36,12 @@ struct ContactList {
   int capacity;
 };
 
+// Adds up to one more than there is room for, so that no sum overflows.
+struct AddUpTo {
+  int most;
+  SIM_HD int operator()(int a, int b) const { return a + b < most ? a + b : most; }
+};
+
 // The threads of one block as a Team of keep_all_apart().
 struct BlockTeam {
   template <class Work>
@@ -55,7 +62,7 @@ struct BlockTeam {
   __device__ void lower(int& a, int b) const { atomicMin(&a, b); }
 };
 
-// Where each vertex starts, as a key of its cell, and the largest motion.
+// Where each vertex starts, as a key of its cell.
 template <class T>
 __global__ void place_vertices(int count, const int* vertices, double cell, ContactBody<T> body,
                                SurfaceGrid::Key* keys) {
@@ -81,6 +88,8 @@ __device__ __noinline__ bool touch_in_step(const ContactBody<T>& body, double di
                                            TouchingPair& pair) {
   return touch(pair_of(body, pair.vertex, pair.triangle), distance, pair.over);
 }
+
+constexpr int most_on_triangle = 1024;  // vertices: more are sorted too slowly, and are too many
 
 // Counts the vertices that touch each triangle, or lists them, ascending, where they were counted.
 template <class T>
@@ -108,7 +117,7 @@ __global__ void find_pairs(bool lists, int triangles, SurfaceGrid grid, ContactB
         }
         ++count;
       });
-  if (!lists) counts[t] = count;
+  if (!lists) counts[t] = count > most_on_triangle ? list.capacity + 1 : count;
 }
 
 constexpr int contact_threads = 1024;
@@ -161,11 +170,11 @@ class CudaSelfContact {
     work_ = DeviceArray<std::byte>(std::max(sort, scan));
   }
 
-  // Of a body with this many vertices on the surface.
+  // Of a body with this many vertices in all.
   static std::size_t bytes(const SurfacePairs& pairs, std::size_t vertices) {
     return vertices * (sizeof(Vec3<double>) + sizeof(int)) +
            pairs.vertices().size() * (4 * sizeof(SurfaceGrid::Key) + 2 * sizeof(int)) +
-           pairs.triangles().size() * (sizeof(Triangle) + 3 * sizeof(int)) +
+           pairs.triangles().size() * (sizeof(Triangle) + 4 * sizeof(int)) +
            pairs.left_out().size() * sizeof(int) +
            2 * capacity_of(pairs) * (sizeof(TouchingPair) + sizeof(int));
   }
@@ -192,15 +201,15 @@ class CudaSelfContact {
     separate(stream, body, 0.5 * thickness_, rub_);
   }
 
-  // Throws Refusal when more pairs touched than there is room for.
+  // Throws Diverged when more pairs touched than there is room for.
   void check_room() const {
-    const int most = most_.download()[0];
-    if (most <= push_.capacity) return;
-    throw Refusal(Refusal::Cause::device, "effects.self_contact",
-                  std::to_string(most) + " pairs that touch at once",
-                  "at most " + std::to_string(push_.capacity) + " on the device",
-                  "use device: cpu");
+    if (most_.download()[0] <= push_.capacity) return;
+    throw Diverged("self-contact: more than " + std::to_string(push_.capacity) +
+                   " pairs touch at once, or more than " + std::to_string(most_on_triangle) +
+                   " vertices one triangle: flown apart, or too many for a device (device: cpu)");
   }
+  // Of a state that is set, no pair has touched.
+  void forget() { most_.clear(0, 1); }
 
   std::size_t count() const {
     const int pairs = push_.begin.download(triangles_.size(), 1)[0];
@@ -244,8 +253,9 @@ class CudaSelfContact {
                                            static_cast<int>(vertices_.size()), 0, 64, stream);
   }
   cudaError_t scan_counts(void* work, std::size_t& bytes, int* begin, cudaStream_t stream) const {
-    return cub::DeviceScan::ExclusiveSum(work, bytes, counts_.get(), begin,
-                                         static_cast<int>(counts_.size()), stream);
+    return cub::DeviceScan::ExclusiveScan(work, bytes, counts_.get(), begin,
+                                          AddUpTo{push_.capacity + 1}, 0,
+                                          static_cast<int>(counts_.size()), stream);
   }
 
   // Finds what comes nearer than `distance`, into `list`, and moves it apart.

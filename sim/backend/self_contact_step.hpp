@@ -21,9 +21,10 @@ struct TouchingPair {
 
 constexpr int contact_sweeps = 4;  // over all pairs that touch
 
-// How far from a triangle a vertex may be that touches it in a substep in which no vertex moves
-// more than `motion`: it may be nearer than the thickness at the start, or when they meet, or lie
-// up to twice the motion under the triangle at the end.
+// How far from a triangle, at the start, a vertex may be that touches it in a substep in which no
+// vertex moves more than `motion`: nearer than the thickness when they meet, or at the end under
+// the triangle by the thickness and what both have moved. Where a triangle turns over in a substep
+// this decides what touches.
 SIM_HD double contact_reach(double thickness, double motion) {
   return thickness + 4.0 * motion;
 }
@@ -56,8 +57,9 @@ SIM_HD void share_out(const Body& body, const TouchingPair& contact, const Vec3<
   double mobility = body.mobility(contact.vertex);
   for (int j = 0; j < 3; ++j) mobility += b[j] * b[j] * body.mobility(corners[j]);
   if (!(mobility > 0.0)) return;
+  // Those that nothing moves are left alone: pairs of one round may share them.
   const auto move = [&](int v, double by) {
-    body.move(v, (by * body.mobility(v) / mobility) * relative);
+    if (body.mobility(v) > 0.0) body.move(v, (by * body.mobility(v) / mobility) * relative);
   };
   move(contact.vertex, 1.0);
   for (int j = 0; j < 3; ++j) move(corners[j], -b[j]);
@@ -111,9 +113,9 @@ constexpr int unclaimed = 0x7fffffff;
 
 // Moves pairs apart, one after the other as far as anyone can tell, and returns in how many rounds.
 // In a round each pair that still waits claims the vertices that it moves; the earliest claim
-// holds, and who holds all of its own is solved. The pairs of a round share no vertex, and of two
-// that do the earlier comes first: the result is that of the list in its order, to the bit
-// (Blelloch et al., "Internally deterministic parallel algorithms can be fast", PPoPP 2012:
+// holds, and who holds all of its own is solved. The pairs of a round share no vertex that moves,
+// and of two that do the earlier comes first: the result is that of the list in its order, to the
+// bit (Blelloch et al., "Internally deterministic parallel algorithms can be fast", PPoPP 2012:
 // deterministic reservations). round_of [count] tells the round of each; holder [vertices] is
 // `unclaimed` before and after. A Team offers for_each(count, work), work(k) in any order and all
 // done on return; any(count, work), whether one of them is true; and lower(a, b), a = min(a, b).

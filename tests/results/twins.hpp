@@ -1,6 +1,7 @@
 // A solver on a device and the same on the CPU, step by step: how far apart do they come? And how
 // far does the CPU come from itself when it begins a rounding error away: a scene in which that
-// grows to something says nothing of a device.
+// grows to something says nothing of a device. Setting a state begins anew: where a run sets one
+// after every frame, as Run::settle() does, these are distances after one frame.
 #pragma once
 
 #include <fmt/format.h>
@@ -45,7 +46,7 @@ class Twins final : public Solver {
   ~Twins() override {
     Agreement& all = agreement();
     ++all.runs;
-    const std::string found = fmt::format("{}: {:.2g} L after {} frames, {:.2g} by rounding alone",
+    const std::string found = fmt::format("{}: {:.2g} L in {} frames, {:.2g} by rounding alone",
                                           name_, apart_, frames_, by_rounding_);
     if (!(by_rounding_ <= Agreement::allowed)) {
       all.by_rounding.push_back(found);

@@ -37,8 +37,8 @@ std::string agreement_in_words() {
   const auto judged = all.runs - std::ssize(all.by_rounding);
   std::string words = fmt::format(
       "\nOn CUDA and beside it on the CPU: {} runs, {} of {} within {:g} L at every vertex and "
-      "frame "
-      "(at most {:.2g}). In the others a rounding error alone grows beyond that on the CPU.\n\n",
+      "frame (at most {:.2g}) from the state last set, which runs that settle do after every "
+      "frame. In the others a rounding error alone grows beyond that on the CPU.\n\n",
       all.runs, judged - std::ssize(all.farther), judged, Agreement::allowed, all.largest);
   for (const auto& run : all.farther) words += "- **Farther**: " + run + ".\n";
   for (const auto& run : all.by_rounding) words += "- By rounding: " + run + ".\n";
