@@ -15,13 +15,11 @@ class CpuRegions {
       : data_(prepared.regions),
         squared_phase_(prepared.squared_phase),
         fits_(data_.regions.size()),
-        region_of_(data_.members.size()) {
-    for (std::size_t r = 0; r < data_.regions.size(); ++r) {
-      const auto& [begin, end, mass, inertia, shear] = data_.regions[r];
-      for (int m = begin; m < end; ++m) region_of_[m] = static_cast<int>(r);
+        region_of_(regions_of_members(data_)) {
+    for (const auto& region : data_.regions) {
       chunk_begin_.push_back(static_cast<int>(chunks_.size()));
-      for (int m = begin; m < end; m += chunk_size) {
-        chunks_.push_back({m, std::min(m + chunk_size, end)});
+      for (int m = region.begin; m < region.end; m += chunk_size) {
+        chunks_.push_back({m, std::min(m + chunk_size, region.end)});
       }
     }
     chunk_begin_.push_back(static_cast<int>(chunks_.size()));
@@ -34,11 +32,7 @@ class CpuRegions {
   // One iteration, by all of the team; the vertices in `mine` are this thread's.
   void solve(Arithmetic arithmetic, double pbd_stiffness, Team& team, int rank, Range mine,
              const std::vector<Row<T>>& u, std::vector<Row<T>>& d) {
-    const bool at_start = arithmetic == Arithmetic::force;
-    const auto moved = [&](int vertex) {
-      const Vec3<double> w = cast<double>(u[vertex].v);
-      return at_start ? w : w + cast<double>(d[vertex].v);
-    };
+    const auto moved = [&](int v) { return seen_by_regions(u[v].v, d[v].v, arithmetic); };
     const Range chunks = part_of({0, static_cast<int>(chunks_.size())}, rank, team.size());
     for (int c = chunks.begin; c < chunks.end; ++c) sum_chunk(c, moved);
     team.barrier();

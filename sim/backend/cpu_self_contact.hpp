@@ -117,7 +117,6 @@ class CpuSelfContact {
       all.since = std::max(all.since, part.since);
       all.now = std::max(all.now, part.now);
     }
-    team.barrier();
     // What may touch now, vertex and triangle both having moved, was found then.
     const bool known = contact_reach(thickness_, all.now) + 2.0 * all.since <= thickness_ + margin_;
     if (margin_ > 0.0 && known) return all.now;

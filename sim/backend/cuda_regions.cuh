@@ -15,10 +15,8 @@ struct RegionBody {
   Vec3<T>* d;        // m
   const T* w;        // inverse mass, 1/kg
 
-  // From rest: explicit forces act at the start of the substep.
   SIM_HD Vec3<double> moved(int v, Arithmetic arithmetic) const {
-    const Vec3<double> start = cast<double>(u[v]);
-    return arithmetic == Arithmetic::force ? start : start + cast<double>(d[v]);
+    return seen_by_regions(u[v], d[v], arithmetic);
   }
 };
 
@@ -76,7 +74,7 @@ class CudaRegions {
         begin_(host.begin),
         of_vertex_(host.of_vertex),
         squared_phase_(squared_phase),
-        region_of_(region_of(host)),
+        region_of_(regions_of_members(host)),
         fits_(host.regions.size()),
         so_far_(iterates ? host.members.size() : 0) {}
 
@@ -102,15 +100,6 @@ class CudaRegions {
   }
 
  private:
-  static std::vector<int> region_of(const Regions& host) {
-    std::vector<int> result(host.members.size());
-    for (std::size_t r = 0; r < host.regions.size(); ++r) {
-      std::fill(result.begin() + host.regions[r].begin, result.begin() + host.regions[r].end,
-                static_cast<int>(r));
-    }
-    return result;
-  }
-
   int n_;
   DeviceArray<Region> regions_;
   DeviceArray<RegionMember> members_;

@@ -2,6 +2,8 @@
 // in effects/shape_matching.hpp. Sums are taken in double.
 #pragma once
 
+#include <algorithm>
+
 #include "sim/best_rotation.hpp"
 #include "sim/regions.hpp"
 #include "sim/solvers/arithmetic.hpp"
@@ -38,6 +40,24 @@ struct RegionFit {
       : shift((1.0 / region.mass) * all.first), rotation(best_rotation(all.mixed)) {}
   RegionFit() = default;
 };
+
+// The displacement of a vertex from rest that its regions see, m: explicit forces act at the start
+// of the substep.
+template <class T>
+SIM_HD Vec3<double> seen_by_regions(const Vec3<T>& u, const Vec3<T>& d, Arithmetic arithmetic) {
+  const Vec3<double> start = cast<double>(u);
+  return arithmetic == Arithmetic::force ? start : start + cast<double>(d);
+}
+
+// The region of each member.
+inline std::vector<int> regions_of_members(const Regions& all) {
+  std::vector<int> result(all.members.size());
+  for (std::size_t r = 0; r < all.regions.size(); ++r) {
+    const auto& region = all.regions[r];
+    std::fill(result.begin() + region.begin, result.begin() + region.end, static_cast<int>(r));
+  }
+  return result;
+}
 
 // What an iteration adds to the displacement of a member's copy, w before it. With o = omega^2 dt^2
 // and l what it added so far in this substep (`so_far`, where there are several iterations), XPBD's

@@ -16,17 +16,18 @@ inline bool installed(const std::string& program) {
   return works("command -v " + program);
 }
 
-// CI installs all of .packages and may not skip for want of them.
+// CI has all of .packages and may not skip for want of what they bring.
 inline bool must_have_packages() {
   return std::getenv("VISCERA_REQUIRE_PACKAGES") != nullptr;
 }
 
 }  // namespace viscera
 
-// Skips the test unless `condition` holds; fails it where VISCERA_REQUIRE_PACKAGES is set.
-#define VISCERA_NEEDS(condition, package)                                          \
-  if (!(condition)) {                                                              \
-    if (::viscera::must_have_packages()) FAIL() << package << " is not installed"; \
-    GTEST_SKIP() << package << " is not installed";                                \
-  }                                                                                \
+// Skips the test unless `condition` holds, and says what is missing; fails it where
+// VISCERA_REQUIRE_PACKAGES is set.
+#define VISCERA_NEEDS(condition, missing)                   \
+  if (!(condition)) {                                       \
+    if (::viscera::must_have_packages()) FAIL() << missing; \
+    GTEST_SKIP() << missing;                                \
+  }                                                         \
   static_assert(true)

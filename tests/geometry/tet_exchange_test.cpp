@@ -122,7 +122,7 @@ TEST_F(TetExchange, EveryFormatWritesTheSameBytesTwice) {
 // A linear displacement given on the whole boundary must come out linear inside, with the stress of
 // Hooke's law: node order, sets, materials and units as CalculiX understands them.
 TEST_F(TetExchange, CalculixSolvesThePatchTestOnTheAbaqusFile) {
-  VISCERA_NEEDS(installed("ccx"), "calculix-ccx");
+  VISCERA_NEEDS(installed("ccx"), "calculix-ccx is not installed");
   const TetMesh mesh = two_materials(3);
   const double youngs = 20e3, poisson = 0.3, stretch = 1e-3;
   const Elastic soft{youngs, poisson, 1060.0};

@@ -48,7 +48,7 @@ bool is_light(const Pixel& c) {
 class LiveWindow : public Live {
  protected:
   void SetUp() override {
-    VISCERA_NEEDS(installed("Xvfb") && installed("xdotool"), "xvfb or xdotool");
+    VISCERA_NEEDS(installed("Xvfb") && installed("xdotool"), "xvfb or xdotool is not installed");
     server_ = start({"Xvfb", "-displayfd", "1", "-screen", "0", "1300x820x24"}, path("xvfb"),
                     path("display"));
     std::string number;

@@ -29,7 +29,7 @@ struct Rectangle {
 
 class Web : public ::testing::Test {
  protected:
-  void SetUp() override { VISCERA_NEEDS(installed("chromium"), "chromium"); }
+  void SetUp() override { VISCERA_NEEDS(installed("chromium"), "chromium is not installed"); }
 
   // Runs viscera-report on the named inputs of a sample run.
   void make_report(const SampleRun& run, const std::vector<std::string>& inputs) {

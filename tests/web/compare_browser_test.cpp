@@ -22,7 +22,7 @@ constexpr int width = 1400, height = 2600;
 class CompareWeb : public testing::Test {
  protected:
   void SetUp() override {
-    VISCERA_NEEDS(installed("chromium"), "chromium");
+    VISCERA_NEEDS(installed("chromium"), "chromium is not installed");
     std::string inputs;
     for (const int frames : {12, 8}) {
       const fs::path run = folder_.path() / std::to_string(frames);

@@ -49,7 +49,7 @@ TEST(Specs, OfTheGpuBundlePlanOnTheMeshesThatItMakes) {
 
 TEST(Specs, OfTheProjectFollowTheirSchemaAndWhatIsWrongDoesNot) {
   VISCERA_NEEDS(works("python3 -c 'import jsonschema, yaml'"),
-                "python3-jsonschema or python3-yaml");
+                "python3-jsonschema or python3-yaml is not installed");
   const TemporaryFolder folder(fs::temp_directory_path());
   write_atomically(folder.path() / "check.py", R"(
 import glob, json, subprocess, sys, yaml, jsonschema
