@@ -326,6 +326,7 @@ class CudaSolver final : public Solver {
     return count;
   }
   std::string device() const override { return "cuda, " + name_; }
+  bool off_host() const override { return true; }
 
  private:
   template <class Effect>

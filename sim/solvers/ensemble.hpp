@@ -24,6 +24,7 @@ class Ensemble {
   virtual void steer(int member, const Scene& scene) = 0;
   virtual std::size_t contact_count(int member) const = 0;
   virtual std::string device() const = 0;
+  virtual bool off_host() const { return false; }
 };
 
 // Gives a member its materials and parameters, in place of those that all share; may be empty.
@@ -47,6 +48,7 @@ class OnlyMember final : public Solver {
   void steer(const Scene& scene) override { ensemble_->steer(0, scene); }
   std::size_t contact_count() const override { return ensemble_->contact_count(0); }
   std::string device() const override { return ensemble_->device(); }
+  bool off_host() const override { return ensemble_->off_host(); }
 
  private:
   std::unique_ptr<Ensemble> ensemble_;

@@ -39,6 +39,8 @@ class Solver {
   virtual void steer(const Scene& scene) = 0;
   virtual std::size_t contact_count() const = 0;  // vertices in contact at the end of the frame
   virtual std::string device() const = 0;         // "cpu, 2 threads", "cuda, NVIDIA H200"
+  // Whether a frame leaves the host's cores to others.
+  virtual bool off_host() const { return false; }
   // Seconds spent so far in each part of a step, by the effect's name; "step" for the rest. Empty
   // where it is not measured.
   virtual std::vector<std::pair<std::string, double>> seconds() const { return {}; }

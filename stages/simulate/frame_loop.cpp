@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <future>
 
 #include "pipeline/contract/log.hpp"
 
@@ -33,6 +34,24 @@ std::string why_diverged(const sim::State& state, const sim::Diagnostics& now, d
   return "";
 }
 
+// A frame as the solver left it.
+struct Stepped {
+  sim::State state;
+  std::size_t contacts;
+  double step_s = 0.0, transfer_s = 0.0;  // wall time
+};
+
+// With `steps` false the solver's state as it is. Throws Diverged.
+Stepped take_frame(sim::Solver& solver, bool steps) {
+  Stepped frame;
+  if (steps) timed(frame.step_s, [&] { solver.advance_frame(); });
+  timed(frame.transfer_s, [&] {
+    frame.state = solver.state();
+    frame.contacts = solver.contact_count();
+  });
+  return frame;
+}
+
 }  // namespace
 
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
@@ -48,6 +67,8 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
   for (const auto& frame : outcome.frames) most_elastic = std::max(most_elastic, frame.now.elastic);
   const int first_frame = resumed ? outcome.frames.back().index + 1
                                   : static_cast<int>(solver.state().step / scene.time.substeps);
+  // The next frame of a device, while this one is judged and written; waited for at the end.
+  std::future<Stepped> ahead;
   std::size_t setting = 0;
   if (resumed) setting = schedule.at((first_frame - 2) * frame_s);
   if (setting != 0) {
@@ -63,21 +84,27 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
       outcome.still_since_s = -1.0;
       log::info("t {:.3f} s: the schedule's change {}", (index - 1) * frame_s, setting);
     }
-    double step_s = 0.0;
+    Stepped stepped;
     try {
-      if (!begins) timed(step_s, [&] { solver.advance_frame(); });
+      stepped = ahead.valid() ? ahead.get() : take_frame(solver, !begins);
     } catch (const sim::Diverged& diverged) {
       outcome.divergence = diverged.what();
       break;
     }
+    if (solver.off_host() && index < last_frame && schedule.at(index * frame_s) == setting) {
+      ahead = std::async(std::launch::async, [&solver] { return take_frame(solver, true); });
+    }
 
     Aside& aside = outcome.aside;
-    Frame frame{.index = index, .time_s = index * frame_s, .step_ms = 1e3 * step_s};
-    sim::State state = timed(aside.transfer, [&] { return solver.state(); });
+    aside.transfer += stepped.transfer_s;
+    sim::State& state = stepped.state;
+    Frame frame{.index = index,
+                .time_s = index * frame_s,
+                .contacts = stepped.contacts,
+                .step_ms = 1e3 * stepped.step_s};
     frame.now = timed(aside.diagnosis, [&] { return diagnose(model, scene, state); });
     outcome.divergence = why_diverged(state, frame.now, size);
     if (!outcome.divergence.empty()) return outcome;
-    frame.contacts = timed(aside.transfer, [&] { return solver.contact_count(); });
     frame.state_hash = timed(aside.diagnosis, [&] { return state.hash(); });
     timed(aside.writing, [&] { keep(frame, state); });
 
@@ -100,6 +127,7 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                               1e3 * frame.now.max_speed, frame.step_ms));
     if (outcome.rested) break;
   }
+  if (ahead.valid()) ahead.wait();
   outcome.seconds = solver.seconds();
   return outcome;
 }

@@ -1,4 +1,6 @@
-// Runs a solver frame by frame until the body rests, the time is over or the run diverges.
+// Runs a solver frame by frame until the body rests, the time is over or the run diverges. A solver
+// on a device works on the next frame while the host judges and writes this one; the frames are the
+// same, and one that was begun in vain is dropped.
 #pragma once
 
 #include <functional>
@@ -20,7 +22,7 @@ struct Frame {
   double step_ms = 0.0;  // wall time of advance_frame, in which a device has finished
 };
 
-// Wall time beside the steps, s.
+// Wall time beside the steps, s; on a device at the same time as they.
 struct Aside {
   double transfer = 0.0;   // of the state from the solver, from a device
   double diagnosis = 0.0;  // energies, volumes, hash
