@@ -2,6 +2,15 @@
 // blocks are solved side by side, then the copies of a vertex are averaged. A copy has its share of
 // the vertex's mass, so that momentum is kept (Tonge et al., "Mass Splitting for Jitter-Free
 // Parallel Rigid Body Simulation", SIGGRAPH 2012).
+//
+// In a sweep a copy meets the elements of its own block only. Left at that, the stress between
+// blocks would tear the copies of a vertex apart in every substep, and elements be solved where no
+// vertex is. So a copy carries, as a displacement, what the other blocks do to it: half of it acts
+// before the sweep and half after, and what the sweep left between it and the average is added. The
+// offsets of a vertex sum to zero, so momentum is kept. They are the multipliers of the
+// alternating direction method (Boyd et al., "Distributed Optimization and Statistical Learning
+// via the Alternating Direction Method of Multipliers", 2011, eq. 3.5 to 3.7, scaled). Acting as a
+// whole before the sweep they would gain energy from Cs 0.5 up (docs/results/cuda.md).
 #pragma once
 
 #include <span>
@@ -10,6 +19,19 @@
 #include "sim/range.hpp"
 
 namespace viscera::sim {
+
+// Of a copy that carries `offset`, m: what it begins a sweep with.
+template <class T>
+SIM_HD Vec3<T> before_sweep(const Vec3<T>& offset) {
+  return T(0.5) * offset;
+}
+// What it carries from there on, when the sweep left it at `d` and all copies on average at `mean`,
+// both counted from one point near them: the rounding of a long way that all go together would be
+// carried on as a force.
+template <class T>
+SIM_HD Vec3<T> carried_on(const Vec3<T>& offset, const Vec3<T>& d, const Vec3<T>& mean) {
+  return T(0.5) * offset + (mean - d);
+}
 
 class Blocks {
  public:

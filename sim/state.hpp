@@ -25,7 +25,15 @@ struct State {
   // What effects with a history keep (Prony's viscous strains), in the order of the registry and of
   // their elements. Empty stands for a virgin material.
   std::vector<double> memory = {};
+  // [copies] m, what the copies of vertices carry in block Gauss-Seidel (partition.hpp). Empty, or
+  // of as many copies as another layout has, stands for nothing.
+  std::vector<Vec3<double>> carried = {};
 
+  // The offsets that `copies` of a layout carry.
+  template <class T>
+  std::vector<Vec3<T>> carried_by(std::size_t copies) const {
+    return carried.size() == copies ? cast_all<T>(carried) : std::vector<Vec3<T>>(copies);
+  }
   bool finite() const;
   // FNV-1a over the 64-bit words of u and v, folded after each: a float's empty low bits would
   // leave half of the hash untouched. For telling states apart, not against forgery.

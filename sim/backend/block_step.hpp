@@ -115,6 +115,7 @@ template <class T>
 struct BlockVertices {
   Row<T>* u;                // [copies] m, and the vertex's inverse mass, 1/kg
   Row<T>* d;                // [copies] m over the substep, and the copy's mobility, s2/kg
+  Vec3<T>* carried;         // [copies] m (partition.hpp)
   Vec3<T>* v;               // [count] m/s at the start of the substep
   Vec3<T>* corrections;     // [contacts * count] m, 0: not in contact
   const Vec3<T>* rest;      // [count] m
@@ -129,6 +130,12 @@ template <class T, class Function>
 SIM_HD void for_each_copy(const BlockVertices<T>& x, int i, Function&& function) {
   const CopyRange copies = x.copies[i];
   for (int k = 0; k < copies.count; ++k) function(copies.begin + k);
+}
+
+// In all blocks together.
+template <class T>
+SIM_HD bool has_several_copies(const BlockVertices<T>& x, int i) {
+  return x.share[i] < T(1);
 }
 
 // Up to the element effects.
@@ -152,23 +159,41 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
     x.corrections[k * x.count + i] = correction;
     d += correction;
   });
-  for_each_copy(x, i, [&](int copy) { x.d[copy].v = d; });
+  if (has_several_copies(x, i)) {
+    for_each_copy(x, i, [&](int copy) { x.d[copy].v = d + before_sweep(x.carried[copy]); });
+  } else {
+    x.d[x.copies[i].begin].v = d;
+  }
 }
 
-// What the block has to say about a vertex: the sum over its copies.
+// How far a vertex goes in a substep by its velocity alone; the same in all blocks.
 template <class T>
-SIM_HD Vec3<T> sum_of_copies(const BlockVertices<T>& x, int i) {
+SIM_HD Vec3<T> inertial(const BlockScene<T>& scene, const BlockVertices<T>& x, int i) {
+  return scene.dt * x.v[i];
+}
+
+// What the block has to say about a vertex: the sum over its copies, counted from there.
+template <class T>
+SIM_HD Vec3<T> sum_of_copies(const BlockScene<T>& scene, const BlockVertices<T>& x, int i) {
+  const Vec3<T> from = inertial(scene, x, i);
   Vec3<T> sum;
-  for_each_copy(x, i, [&](int copy) { sum += x.d[copy].v; });
+  for_each_copy(x, i, [&](int copy) { sum += x.d[copy].v - from; });
   return sum;
 }
 
-// After the element effects, with the sum over all copies.
+// After the element effects, with the sum over all copies where there are several.
 template <EffectSet set = all_effects, class T>
 SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                          int i, const Vec3<T>& sum) {
   Row<T> row = x.u[x.copies[i].begin];
-  Vec3<T> d = x.share[i] * sum;
+  Vec3<T> d = x.d[x.copies[i].begin].v;
+  if (has_several_copies(x, i)) {
+    const Vec3<T> from = inertial(scene, x, i), mean = x.share[i] * sum;
+    for_each_copy(x, i, [&](int copy) {
+      x.carried[copy] = carried_on(x.carried[copy], x.d[copy].v - from, mean);
+    });
+    d = from + mean;
+  }
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto& view, int k) {
     const Vec3<T> correction = x.corrections[k * x.count + i];
     if (touches(correction)) Effect::rub(view.device, step, correction, x.v[i], d);

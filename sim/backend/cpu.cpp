@@ -70,7 +70,9 @@ class CpuSolver final : public Solver {
         std::get<i>(own_).emplace_back(effect, layout_);
       }
     });
-    if (layout_.split) copies_.emplace(*layout_.split);
+    // Multipliers of several iterations, and the projections of PBD, are no forces to carry on.
+    const bool carries = arithmetic_of(options, 0) == Arithmetic::xpbd_only;
+    if (layout_.split) copies_.emplace(*layout_.split, carries);
   }
 
   void advance_frame() override {
@@ -93,6 +95,7 @@ class CpuSolver final : public Solver {
     State state{{}, cast_all<double>(v_), step_};
     for (int i = 0; i < n_; ++i) state.u.push_back(cast<double>(u_[i].v));
     save_memory(own_, state);
+    if (copies_) copies_->save(state);
     return state;
   }
   void set_state(const State& state) override {
@@ -100,6 +103,7 @@ class CpuSolver final : public Solver {
     v_ = cast_all<T>(state.v);
     step_ = state.step;
     load_memory(own_, state);
+    if (copies_) copies_->load(state);
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);

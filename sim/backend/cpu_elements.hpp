@@ -156,33 +156,50 @@ struct CpuElements {
 template <class T>
 class VertexCopies {
  public:
-  explicit VertexCopies(const SplitVertices& split)
-      : split_(split), u_(split.count()), d_(split.count()) {}
+  // With `carries` false they begin every sweep where their vertex is.
+  VertexCopies(const SplitVertices& split, bool carries)
+      : split_(split),
+        carries_(carries),
+        u_(split.count()),
+        d_(split.count()),
+        carried_(split.count()) {}
 
   void take(Range copies, const std::vector<Row<T>>& u, const std::vector<Row<T>>& d) {
     for (int copy = copies.begin; copy < copies.end; ++copy) {
       const int v = split_.vertex_of(copy);
       u_[copy] = u[v];
-      d_[copy] = {d[v].v, static_cast<T>(split_.copies_of(v).size()) * d[v].w};
+      d_[copy] = {d[v].v + before_sweep(carried_[copy]),
+                  static_cast<T>(split_.copies_of(v).size()) * d[v].w};
     }
   }
   void use(SweepFields<T>& fields) {
     fields.u = u_.data();
     fields.d = d_.data();
   }
-  void average(Range vertices, std::vector<Row<T>>& d) const {
+  void average(Range vertices, std::vector<Row<T>>& d) {
     for (int v = vertices.begin; v < vertices.end; ++v) {
       const auto copies = split_.copies_of(v);
       if (copies.empty()) continue;
-      Vec3<T> sum;
-      for (const int copy : copies) sum += d_[copy].v;
-      d[v].v = (T(1) / static_cast<T>(copies.size())) * sum;
+      const auto moved = [&](int copy) { return d_[copy].v - d[v].v; };
+      Vec3<T> mean;
+      for (const int copy : copies) mean += moved(copy);
+      mean = (T(1) / static_cast<T>(copies.size())) * mean;
+      if (carries_) {
+        for (const int copy : copies)
+          carried_[copy] = carried_on(carried_[copy], moved(copy), mean);
+      }
+      d[v].v += mean;
     }
   }
 
+  void save(State& state) const { state.carried = cast_all<double>(carried_); }
+  void load(const State& state) { carried_ = state.carried_by<T>(carried_.size()); }
+
  private:
   const SplitVertices& split_;
+  bool carries_;
   std::vector<Row<T>> u_, d_;
+  std::vector<Vec3<T>> carried_;  // [copies] m
 };
 
 // With the widest instructions that this machine has; the results do not depend on it.

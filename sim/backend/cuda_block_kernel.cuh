@@ -29,6 +29,7 @@ struct Frame {
   Effects::Joined<ViewsOf> effects;  // items [members * count]
   Vec3<T>* u;                        // [members * locals]
   Vec3<T>* v;                        // likewise
+  Vec3<T>* carried;                  // [members * all copies]
   const Vec3<T>* rest;
   const T* inverse_mass;
   const T* mobility;
@@ -36,6 +37,7 @@ struct Frame {
   const CopyRange* copies;
   const int* leader;          // or null
   const int* local_begin;     // [blocks + 1]
+  const int* copy_begin;      // [blocks]
   const int* shared_end;      // [blocks] of those that other blocks have too
   const int* gather_begin;    // [locals + 1]
   const int* gather;          // the same vertex in all blocks, in order; none where it has one
@@ -46,6 +48,7 @@ struct Frame {
   double dt;
   int substeps;
   int locals;
+  int all_copies;
   int blocks;                                                            // of a member
   int first_member;                                                      // of the grid
   int contacts;                                                          // contact effects named
@@ -297,6 +300,7 @@ __device__ Vec3<T> gathered(const Parcel<T>* parcels, const int* from, const int
 template <class T>
 struct BlockMemory {
   Row<T>*u, *d;             // [copies]
+  Vec3<T>* carried;         // [copies]
   Vec3<T>*v, *corrections;  // [locals], [contacts * locals]
   T* share;                 // [locals]
   CopyRange* copies;        // [locals]
@@ -318,6 +322,7 @@ struct BlockMemory {
     const std::size_t locals = frame.most_locals;
     u = take<Row<T>>(at, frame.most_copies);
     d = take<Row<T>>(at, frame.most_copies);
+    carried = take<Vec3<T>>(at, frame.most_copies);
     v = take<Vec3<T>>(at, locals);
     corrections = take<Vec3<T>>(at, frame.contacts * locals);
     share = take<T>(at, locals);
@@ -372,17 +377,14 @@ __global__ void __launch_bounds__(most_threads, 1)
   const int shared_count = frame.shared_end[block] - first;
   Vec3<T>* const u = frame.u + member * frame.locals + first;
   Vec3<T>* const v = frame.v + member * frame.locals + first;
+  Vec3<T>* const carried = frame.carried + member * frame.all_copies + frame.copy_begin[block];
   const BlockMemory<T> own(shared, frame);
   const WorkSpace work{own.work - shared};
-  const BlockVertices<T> x{own.u,
-                           own.d,
-                           own.v,
-                           own.corrections,
-                           frame.rest + first,
-                           own.copies,
-                           own.share,
-                           frame.leader ? frame.leader + first : nullptr,
-                           count};
+  const BlockVertices<T> x{
+      own.u,      own.d,           own.carried,
+      own.v,      own.corrections, frame.rest + first,
+      own.copies, own.share,       frame.leader ? frame.leader + first : nullptr,
+      count};
   const BlockScene<T> scene = scene_of_block<set>(frame, static_cast<int>(member), block, own);
   const unsigned long long done = frame.done + frame.ahead[member];
   const auto step_at = [&frame, &scene, done](int substep) {
@@ -406,6 +408,7 @@ __global__ void __launch_bounds__(most_threads, 1)
     for_each_copy(x, i, [&](int copy) {
       x.u[copy] = {u[i], frame.inverse_mass[first + i]};
       x.d[copy].w = frame.mobility[first + i];
+      x.carried[copy] = carried[copy];
     });
     begin_local<set>(scene, step_at(0), x, i);
   }
@@ -417,13 +420,14 @@ __global__ void __launch_bounds__(most_threads, 1)
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
     Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.locals;
     for (int i = lane; i < shared_count; i += lanes) {
-      Parcel<T>::send(parcels + first + i, sum_of_copies(x, i), exchange);
+      Parcel<T>::send(parcels + first + i, sum_of_copies(scene, x, i), exchange);
     }
     // Vertices that no other block has first: parcels are on their way.
     const int inner_count = count - shared_count;
     for (int k = lane; k < count; k += lanes) {
       const int i = k < inner_count ? shared_count + k : k - inner_count;
-      Vec3<T> sum = sum_of_copies(x, i);
+      Vec3<T> sum;
+      if (has_several_copies(x, i)) sum = sum_of_copies(scene, x, i);
       if (i < shared_count) {
         sum = gathered(parcels, own.from + own.from_begin[i], own.from + own.from_begin[i + 1],
                        first + i, sum, exchange);
@@ -436,6 +440,7 @@ __global__ void __launch_bounds__(most_threads, 1)
   for (int i = lane; i < count; i += lanes) {
     u[i] = x.u[x.copies[i].begin].v;
     v[i] = x.v[i];
+    for_each_copy(x, i, [&](int copy) { carried[copy] = x.carried[copy]; });
     for (int k = 0; k < frame.contacts; ++k) {
       frame.touching[(member * frame.contacts + k) * frame.locals + first + i] =
           touches(x.corrections[k * count + i]);

@@ -127,6 +127,8 @@ class CudaBlocks final : public Ensemble {
     const std::size_t locals = local_count(), first = member * locals;
     State state{gathered(u_.download(first, locals)), gathered(v_.download(first, locals)),
                 step_ + ahead_.download(member, 1)[0]};
+    const std::size_t copies = frame_.all_copies;
+    state.carried = cast_all<double>(carried_.download(member * copies, copies));
     save_memory(own_, state, member);
     return state;
   }
@@ -134,6 +136,8 @@ class CudaBlocks final : public Ensemble {
     const std::size_t locals = local_count();
     u_.upload(spread(state.u), member * locals);
     v_.upload(spread(state.v), member * locals);
+    const std::size_t copies = frame_.all_copies;
+    carried_.upload(state.carried_by<T>(copies), member * copies);
     ahead_.upload({state.step - step_}, member);
     // Parcels of an exchange that is to come again must not be taken for it.
     parcels_.clear(2 * member * locals, 2 * locals);
@@ -185,6 +189,7 @@ class CudaBlocks final : public Ensemble {
     return count;
   }
   std::string device() const override { return "cuda, " + name_; }
+  bool off_host() const override { return true; }
 
  private:
   template <class Effect>
@@ -202,7 +207,8 @@ class CudaBlocks final : public Ensemble {
   std::size_t bytes_needed() const {
     const std::size_t locals = local_count();
     std::size_t shared = locals * (sizeof(Vec3<T>) + 3 * sizeof(T) + 4 * sizeof(int));
-    std::size_t own = 2 * locals * (sizeof(Vec3<T>) + sizeof(Parcel<T>));
+    std::size_t own =
+        2 * locals * (sizeof(Vec3<T>) + sizeof(Parcel<T>)) + copy_count() * sizeof(Vec3<T>);
     for_each_slot<EffectKind::element>(program_.effects, [&]<class Effect>(const auto& effect) {
       const std::size_t elements = effect.rest.size();
       shared += elements * sizeof(LocalVertices<Effect::arity>);
@@ -214,7 +220,7 @@ class CudaBlocks final : public Ensemble {
 
   void place_vertices() {
     const LocalConstants<T> constants = layout_.constants(program_);
-    std::vector<int> local_begin = {0}, shared_end, gather_begin = {0}, gather;
+    std::vector<int> local_begin = {0}, copy_begin, shared_end, gather_begin = {0}, gather;
     for (const LocalVertex& local : layout_.locals()) {
       const auto& all = layout_.locals_of(local.vertex);
       if (all.size() > 1) gather.insert(gather.end(), all.begin(), all.end());
@@ -224,6 +230,7 @@ class CudaBlocks final : public Ensemble {
     for (int block = 0; block < layout_.block_count(); ++block) {
       const Range locals = layout_.locals_in(block), copies_here = layout_.copies_in(block);
       local_begin.push_back(locals.end);
+      copy_begin.push_back(copies_here.begin);
       shared_end.push_back(layout_.shared_in(block).end);
       raise(frame_.most_locals, locals.end - locals.begin);
       raise(frame_.most_shared, shared_end.back() - locals.begin);
@@ -233,6 +240,9 @@ class CudaBlocks final : public Ensemble {
     const std::size_t all = static_cast<std::size_t>(members_) * local_count();
     frame_.u = (u_ = DeviceArray<Vec3<T>>(all)).get();
     frame_.v = (v_ = DeviceArray<Vec3<T>>(all)).get();
+    frame_.all_copies = copy_count();
+    frame_.carried = (carried_ = DeviceArray<Vec3<T>>(members_ * copy_count())).get();
+    frame_.copy_begin = (copy_begin_ = DeviceArray<int>(copy_begin)).get();
     frame_.parcels = (parcels_ = DeviceArray<Parcel<T>>(2 * all)).get();
     frame_.ahead = (ahead_ = DeviceArray<unsigned long long>(members_)).get();
     frame_.rest = (rest_ = DeviceArray<Vec3<T>>(constants.rest)).get();
@@ -381,6 +391,7 @@ class CudaBlocks final : public Ensemble {
     return locals;
   }
 
+  int copy_count() const { return layout_.copies_in(layout_.block_count() - 1).end; }
   int local_count() const { return static_cast<int>(layout_.locals().size()); }
   int vertex_count() const { return static_cast<int>(program_.rest.size()); }
 
@@ -397,10 +408,10 @@ class CudaBlocks final : public Ensemble {
   Effects::Slots<OwnOf> own_;
   Effects::Slots<View> host_views_;
   Effects::Joined<ArrayOf> views_;
-  DeviceArray<Vec3<T>> u_, v_, rest_;
+  DeviceArray<Vec3<T>> u_, v_, carried_, rest_;
   DeviceArray<T> inverse_mass_, mobility_, share_;
   DeviceArray<CopyRange> copies_;
-  DeviceArray<int> leader_, local_begin_, shared_end_, gather_begin_, gather_;
+  DeviceArray<int> leader_, local_begin_, copy_begin_, shared_end_, gather_begin_, gather_;
   DeviceArray<Parcel<T>> parcels_;
   DeviceArray<unsigned char> touching_;
   DeviceArray<unsigned long long> ahead_;

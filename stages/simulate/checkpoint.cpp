@@ -11,6 +11,8 @@ namespace fs = std::filesystem;
 using namespace hdf5;
 namespace {
 
+constexpr const char* carried = "/carried";  // of runs in blocks
+
 void write_reals(const Handle& file, const fs::path& path, const char* name,
                  std::initializer_list<hsize_t> shape, const void* data) {
   write_dataset(file, path, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, shape, data);
@@ -23,10 +25,10 @@ std::vector<double> read_reals(const Handle& file, const fs::path& path, const c
 }
 
 std::vector<sim::Vec3<double>> read_vectors(const Handle& file, const fs::path& path,
-                                            const char* name, std::size_t vertices) {
-  const std::vector<double> numbers = read_reals(file, path, name, {vertices, 3});
+                                            const char* name, std::size_t count) {
+  const std::vector<double> numbers = read_reals(file, path, name, {count, 3});
   std::vector<sim::Vec3<double>> vectors;
-  for (std::size_t i = 0; i < vertices; ++i) {
+  for (std::size_t i = 0; i < numbers.size() / 3; ++i) {
     vectors.push_back({numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]});
   }
   return vectors;
@@ -42,6 +44,9 @@ void write_checkpoint(const fs::path& path, const sim::State& state, double subs
   write_reals(file, path, "/u", {n, 3}, state.u.data());
   write_reals(file, path, "/v", {n, 3}, state.v.data());
   write_reals(file, path, "/memory", {state.memory.size()}, state.memory.data());
+  if (!state.carried.empty()) {
+    write_reals(file, path, carried, {state.carried.size(), 3}, state.carried.data());
+  }
   write_dataset(file, path, "/step", H5T_STD_U64LE, H5T_NATIVE_UINT64, {1}, &state.step);
   write_reals(file, path, "/substep", {1}, &substep_s);
   if (!file.reset()) throw write_error(path, "file");
@@ -60,6 +65,9 @@ sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim
   const Dataset step = open_dataset(file, path, "/step", H5T_INTEGER, {1});
   state.step = read_values<std::uint64_t>(step, path, "/step", H5T_NATIVE_UINT64)[0];
   state.memory = read_reals(file, path, "/memory", {0});
+  if (H5Lexists(file.id(), carried, H5P_DEFAULT) > 0) {
+    state.carried = read_vectors(file, path, carried, 0);
+  }
   if (!state.finite()) throw read_error(path, "/u", "values that are not finite", "finite values");
   const double reached = static_cast<double>(state.step) * substep;
   if (state.step % time.substeps != 0 || reached > time.end_s) {

@@ -23,7 +23,8 @@ class HostBlocks final : public Solver {
         constants_(layout_.constants(program_)),
         v_(layout_.locals().size()),
         u_(layout_.copies_in(layout_.block_count() - 1).end),
-        d_(u_.size()) {
+        d_(u_.size()),
+        carried_(u_.size()) {
     for (int block = 0; block < layout_.block_count(); ++block) {
       const int first = layout_.locals_in(block).begin;
       for_each_local(block, [&](const auto& x, int i, int) {
@@ -59,7 +60,7 @@ class HostBlocks final : public Solver {
         for (int i = 0; i < x.count; ++i) begin_local(scenes_[block], step, x, i);
         for_each_view<EffectKind::element>(
             scenes_[block], [&]<class Effect>(const auto& view, int) { sweep<Effect>(view, x); });
-        for (int i = 0; i < x.count; ++i) sums.push_back(sum_of_copies(x, i));
+        for (int i = 0; i < x.count; ++i) sums.push_back(sum_of_copies(scenes_[block], x, i));
       }
       for (int block = 0; block < layout_.block_count(); ++block) {
         for_each_local(block, [&](const auto& x, int i, int vertex) {
@@ -83,6 +84,7 @@ class HostBlocks final : public Solver {
         state.v[vertex] = cast<double>(v_[i]);
       }
     }
+    state.carried = cast_all<double>(carried_);
     return state;
   }
   void set_state(const State& state) override {
@@ -92,6 +94,7 @@ class HostBlocks final : public Solver {
         x.v[i] = cast<T>(state.v[vertex]);
       });
     }
+    carried_ = state.carried_by<T>(carried_.size());
     step_ = state.step;
   }
   void retune(const Model& model, const Scene& scene) override {
@@ -164,6 +167,7 @@ class HostBlocks final : public Solver {
     const int first = locals.begin;
     return {u_.data() + copy,
             d_.data() + copy,
+            carried_.data() + copy,
             v_.data() + first,
             corrections_.data() + contacts_ * first,
             constants_.rest.data() + first,
@@ -218,6 +222,7 @@ class HostBlocks final : public Solver {
   LocalConstants<T> constants_;
   std::vector<Vec3<T>> v_, corrections_;
   std::vector<Row<T>> u_, d_;
+  std::vector<Vec3<T>> carried_;
 };
 
 }  // namespace viscera::sim

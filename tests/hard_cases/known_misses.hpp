@@ -30,7 +30,7 @@ inline const std::vector<KnownMiss> known_misses = [] {
       {"stiffness jump 1e2", "xpbd block_gauss_seidel", "", 1.33},
       {"stiffness jump 1e2", "xpbd jacobi, split 4", "", 11.1},
       {"mass ratio 1e4", "xpbd gauss_seidel", "", 9.92},
-      {"mass ratio 1e4", "xpbd block_gauss_seidel", "", 30.6},
+      {"mass ratio 1e4", "xpbd block_gauss_seidel", "", 18.9},
       // Jacobi with split 4 gains energy at the Cs that Gauss-Seidel bears.
       {"mass ratio 1e4", "xpbd jacobi, split 4", "", 364},
       {"1/30 s with one substep, policy substeps", "xpbd jacobi, split 4", "", 91.6},

@@ -64,7 +64,8 @@ struct Setting {
 };
 
 bool same_bits(const State& a, const State& b) {
-  return a.u == b.u && a.v == b.v && a.memory == b.memory && a.step == b.step;
+  return a.u == b.u && a.v == b.v && a.memory == b.memory && a.carried == b.carried &&
+         a.step == b.step;
 }
 
 void advance(Solver& solver, int frames) {
