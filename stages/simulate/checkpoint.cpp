@@ -2,7 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <cstring>
+#include <algorithm>
+#include <cmath>
 
 #include "stages/common/hdf5_file.hpp"
 
@@ -27,6 +28,9 @@ std::vector<double> read_reals(const Handle& file, const fs::path& path, const c
 std::vector<sim::Vec3<double>> read_vectors(const Handle& file, const fs::path& path,
                                             const char* name, std::size_t count) {
   const std::vector<double> numbers = read_reals(file, path, name, {count, 3});
+  if (!std::ranges::all_of(numbers, [](double x) { return std::isfinite(x); })) {
+    throw read_error(path, name, "values that are not finite", "finite values");
+  }
   std::vector<sim::Vec3<double>> vectors;
   for (std::size_t i = 0; i < numbers.size() / 3; ++i) {
     vectors.push_back({numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]});
@@ -68,7 +72,6 @@ sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim
   if (H5Lexists(file.id(), carried, H5P_DEFAULT) > 0) {
     state.carried = read_vectors(file, path, carried, 0);
   }
-  if (!state.finite()) throw read_error(path, "/u", "values that are not finite", "finite values");
   const double reached = static_cast<double>(state.step) * substep;
   if (state.step % time.substeps != 0 || reached > time.end_s) {
     throw read_error(path, "/step", fmt::format("{}, time {:.6g} s", state.step, reached),
