@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <cmath>
 
+// SIM_NO_UNROLL, before a loop: what is run once a substep costs a device its instruction cache.
 #if defined(__CUDACC__)
 #define SIM_HD __host__ __device__ inline
+#define SIM_NO_UNROLL _Pragma("unroll 1")
 #else
 #define SIM_HD inline
+#define SIM_NO_UNROLL
 #endif
 
 namespace viscera::sim {
@@ -46,6 +49,10 @@ struct Vec3 {
     return *this;
   }
 };
+template <class T>
+SIM_HD Vec3<T> select(bool which, const Vec3<T>& yes, const Vec3<T>& no) {
+  return {select(which, yes.x, no.x), select(which, yes.y, no.y), select(which, yes.z, no.z)};
+}
 
 template <class T>
 SIM_HD Vec3<T> operator+(Vec3<T> a, const Vec3<T>& b) {

@@ -1,46 +1,65 @@
 #include "sim/partition.hpp"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 
 namespace viscera::sim {
-namespace {
-
-// Every third bit of a number below 2^21.
-std::uint64_t spread(std::uint64_t a) {
-  a = (a | a << 32) & 0x1f00000000ffffull;
-  a = (a | a << 16) & 0x1f0000ff0000ffull;
-  a = (a | a << 8) & 0x100f00f00f00f00full;
-  a = (a | a << 4) & 0x10c30c30c30c30c3ull;
-  return (a | a << 2) & 0x1249249249249249ull;
+Blocks::Blocks(const Model& model, int tets_per_block) : model_(model) {
+  std::vector<Vec3<double>> centroids;
+  centroids.reserve(model.tet_count());
+  for (const auto& tet : model.tets) centroids.push_back(centroid(tet));
+  const std::size_t most = tets_per_block;
+  halve(centroids, static_cast<int>((centroids.size() + most - 1) / most));
 }
 
-}  // namespace
-
-Blocks::Blocks(const Model& model, int tets_per_block) : model_(model), low_(model.rest.front()) {
-  for (const auto& p : model.rest) {
-    low_ = {std::min(low_.x, p.x), std::min(low_.y, p.y), std::min(low_.z, p.z)};
+int Blocks::halve(std::span<Vec3<double>> points, int blocks) {
+  if (blocks == 1) return ~count_++;
+  Vec3<double> low = points.front(), high = low;
+  for (const Vec3<double>& p : points) {
+    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
   }
-  scale_ = ((1 << 21) - 1) / model.size();
-  std::vector<std::uint64_t> codes;
-  for (const auto& tet : model.tets) codes.push_back(code_of(tet));
-  std::ranges::sort(codes);
-  for (std::size_t t = 0; t < codes.size(); t += tets_per_block) first_code_.push_back(codes[t]);
+  const Position side = {high.x - low.x, high.y - low.y, high.z - low.z};
+  const int axis = static_cast<int>(std::ranges::max_element(side) - side.begin());
+  const int blocks_below = blocks / 2;
+  const std::size_t below = points.size() * blocks_below / blocks;
+  const auto first_above = points.begin() + static_cast<std::ptrdiff_t>(below);
+  const auto along = [axis](const Vec3<double>& p) { return seen_along(axis, p); };
+  std::ranges::nth_element(points, first_above, {}, along);
+  const std::size_t cut = cuts_.size();
+  cuts_.push_back({axis, along(*first_above), 0, 0});
+  const int next_low = halve(points.first(below), blocks_below);
+  const int next_high = halve(points.subspan(below), blocks - blocks_below);
+  cuts_[cut].low = next_low;
+  cuts_[cut].high = next_high;
+  return static_cast<int>(cut);
 }
 
-std::uint64_t Blocks::code_of(std::span<const int> vertices) const {
+Vec3<double> Blocks::centroid(std::span<const int> vertices) const {
   Vec3<double> sum;
-  for (const int v : vertices) sum += model_.rest[v] - low_;
-  const double cells = scale_ / static_cast<double>(vertices.size());
-  const auto cell = [cells](double x) { return spread(static_cast<std::uint64_t>(cells * x)); };
-  return cell(sum.x) | cell(sum.y) << 1 | cell(sum.z) << 2;
+  for (const int v : vertices) sum += model_.rest[v];
+  return (1.0 / static_cast<double>(vertices.size())) * sum;
+}
+
+// Where two are level along the axis, as in a regular grid, the other coordinates decide.
+Blocks::Position Blocks::seen_along(int axis, const Vec3<double>& point) {
+  Position position = {point.x, point.y, point.z};
+  std::swap(position[0], position[axis]);
+  return position;
 }
 
 int Blocks::block_of(std::span<const int> vertices) const {
-  const auto after = std::ranges::upper_bound(first_code_, code_of(vertices));
-  return std::max(0, static_cast<int>(after - first_code_.begin()) - 1);
+  const Vec3<double> point = centroid(vertices);
+  int next = cuts_.empty() ? ~0 : 0;
+  while (next >= 0) {
+    const Cut& cut = cuts_[next];
+    next = seen_along(cut.axis, point) < cut.at ? cut.low : cut.high;
+  }
+  return ~next;
 }
 
+// In each block two runs of ascending vertices: those with several copies, and those with one.
 void SplitVertices::number_copies() {
   for (std::size_t block = 0; block < touched_.size(); ++block) {
     auto& vertices = touched_[block];
@@ -48,12 +67,17 @@ void SplitVertices::number_copies() {
     vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
     vertices.insert(vertices.end(), again_[block].begin(), again_[block].end());
     std::ranges::sort(vertices);
+    for (const int v : vertices) ++copies_begin_[v + 1];
+  }
+  std::partial_sum(copies_begin_.begin(), copies_begin_.end(), copies_begin_.begin());
+  for (auto& vertices : touched_) {
+    const auto single =
+        std::ranges::stable_partition(vertices, [this](int vertex) { return has_several(vertex); });
     block_begin_.push_back(static_cast<int>(vertex_of_.size()));
+    several_end_.push_back(block_begin_.back() + static_cast<int>(vertices.size() - single.size()));
     vertex_of_.insert(vertex_of_.end(), vertices.begin(), vertices.end());
   }
   block_begin_.push_back(static_cast<int>(vertex_of_.size()));
-  for (const int v : vertex_of_) ++copies_begin_[v + 1];
-  std::partial_sum(copies_begin_.begin(), copies_begin_.end(), copies_begin_.begin());
   copies_.resize(vertex_of_.size());
   auto next = copies_begin_;
   for (std::size_t copy = 0; copy < vertex_of_.size(); ++copy) {
@@ -62,9 +86,12 @@ void SplitVertices::number_copies() {
 }
 
 int SplitVertices::copy_of(int block, int vertex) const {
-  const auto& vertices = touched_[block];
-  const auto at = std::ranges::lower_bound(vertices, vertex);
-  return block_begin_[block] + static_cast<int>(at - vertices.begin());
+  const auto begin = vertex_of_.begin() + block_begin_[block];
+  const auto single = vertex_of_.begin() + several_end_[block];
+  const auto end = vertex_of_.begin() + block_begin_[block + 1];
+  const auto at = has_several(vertex) ? std::lower_bound(begin, single, vertex)
+                                      : std::lower_bound(single, end, vertex);
+  return static_cast<int>(at - vertex_of_.begin());
 }
 
 }  // namespace viscera::sim

@@ -13,6 +13,7 @@
 // whole before the sweep they would gain energy from Cs 0.5 up (docs/results/cuda.md).
 #pragma once
 
+#include <array>
 #include <span>
 
 #include "sim/model.hpp"
@@ -35,20 +36,32 @@ SIM_HD Vec3<T> carried_on(const Vec3<T>& offset, const Vec3<T>& d, const Vec3<T>
 
 class Blocks {
  public:
-  // Tets in the order of a Morton curve through their centroids, `tets_per_block` at a time.
+  // The tets, by their centroids, halved again and again across the longest side of their box until
+  // none has more than `tets_per_block` (recursive coordinate bisection: Berger and Bokhari, "A
+  // Partitioning Strategy for Nonuniform Problems on Multiprocessors", IEEE Trans. Comput. 1987).
+  // Compact blocks share few vertices, and both the error and the exchange are in those.
   Blocks(const Model& model, int tets_per_block);
 
-  int count() const { return static_cast<int>(first_code_.size()); }
+  int count() const { return count_; }
   // The block of an element: that of the tets around its centroid.
   int block_of(std::span<const int> vertices) const;
 
  private:
-  std::uint64_t code_of(std::span<const int> vertices) const;
+  using Position = std::array<double, 3>;  // m; coordinates in the order in which they decide
+  struct Cut {
+    int axis;
+    Position at;    // of the first on the high side
+    int low, high;  // the cut that follows there, or ~block
+  };
+
+  // Cuts `points` into `blocks` of equal size; the first cut, or ~block.
+  int halve(std::span<Vec3<double>> points, int blocks);
+  Vec3<double> centroid(std::span<const int> vertices) const;
+  static Position seen_along(int axis, const Vec3<double>& point);
 
   const Model& model_;
-  Vec3<double> low_;
-  double scale_;                           // Morton cells a metre
-  std::vector<std::uint64_t> first_code_;  // of each block
+  int count_ = 0;
+  std::vector<Cut> cuts_;
 };
 
 class SplitVertices {
@@ -63,12 +76,15 @@ class SplitVertices {
   void touch_again(int block, int vertex) { again_[block].push_back(vertex); }
   void number_copies();  // after the last touch
 
-  // The first copy of a vertex in a block; others that the block has follow it.
+  // The first copy of a vertex in a block; others that the block has follow it. In a block those of
+  // vertices with several copies, here or elsewhere, come first.
   int copy_of(int block, int vertex) const;
   // The copies of blocks [begin, end).
   Range range_of(Range blocks) const {
     return {block_begin_[blocks.begin], block_begin_[blocks.end]};
   }
+  // Of one block, those of vertices with several.
+  Range several_in(int block) const { return {block_begin_[block], several_end_[block]}; }
   int count() const { return static_cast<int>(vertex_of_.size()); }
   std::size_t vertex_count() const { return copies_begin_.size() - 1; }
   int vertex_of(int copy) const { return vertex_of_[copy]; }
@@ -79,10 +95,14 @@ class SplitVertices {
   }
 
  private:
-  std::vector<std::vector<int>> touched_;  // [blocks] vertices, ascending, one for each copy
-  std::vector<std::vector<int>> again_;    // [blocks] until copies are numbered
-  std::vector<int> block_begin_;           // [blocks + 1] first copy
-  std::vector<int> vertex_of_;             // [copies]
+  bool has_several(int vertex) const {
+    return copies_begin_[vertex + 1] - copies_begin_[vertex] > 1;
+  }
+
+  std::vector<std::vector<int>> touched_, again_;  // [blocks] vertices, until copies are numbered
+  std::vector<int> block_begin_;                   // [blocks + 1] first copy
+  std::vector<int> several_end_;                   // [blocks]
+  std::vector<int> vertex_of_;                     // [copies]
   std::vector<int> copies_, copies_begin_;
 };
 

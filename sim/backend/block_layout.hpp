@@ -3,6 +3,7 @@
 // (partition.hpp). Made on the host, laid out as a device reads it.
 #pragma once
 
+#include <climits>
 #include <map>
 
 #include "sim/coloring.hpp"
@@ -29,7 +30,7 @@ struct Team {
 inline Team team_for(int tets_per_block) {
   if (tets_per_block <= 640) return {one_warp, 16};
   if (tets_per_block <= 2500) return {128, 16};
-  return {512, 28};
+  return {512, 24};
 }
 
 // An element's vertices, counted from its block's first copy; aligned to be copied at once.
@@ -152,6 +153,8 @@ class BlockLayout {
   int lanes() const { return team_.lanes; }
   std::span<const int> copies_of(int vertex) const { return split_.copies_of(vertex); }
   Range copies_in(int block) const { return split_.range_of({block, block + 1}); }
+  // Those of vertices with several, here or elsewhere: the first of the block's.
+  Range several_in(int block) const { return split_.several_in(block); }
 
   // Block by block; in a block first those that others have too.
   std::span<const LocalVertex> locals() const { return locals_; }
@@ -305,27 +308,38 @@ class BlockLayout {
   }
 
   // Lanes whose loads are served at once, `lanes` of them, are to load from different banks of
-  // shared memory. One element after the other is chosen: of the next few the one whose vertices
-  // collide least.
+  // shared memory: as many turns are taken as the fullest bank has loads. One element after the
+  // other is chosen: of the next few the one that adds fewest turns, then one that meets fewest.
   template <int arity>
   static void spread_over_banks(std::span<int> order,
                                 std::span<const std::array<int, arity>> vertices, int lanes) {
-    constexpr std::size_t looked_at = 48;
-    std::array<unsigned, arity> taken{};
+    constexpr std::size_t looked_at = 256;
+    constexpr int a_turn = 64;
+    struct Served {
+      std::array<std::uint8_t, bank_bytes / 4> loads{};  // of each bank
+      std::uint8_t turns = 0;
+    };
+    std::array<Served, arity> served{};
     for (std::size_t at = 0; at < order.size(); ++at) {
-      if (at % lanes == 0) taken = {};
-      const auto bank = [&](std::size_t k, int i) { return 1u << vertices[order[k]][i] % lanes; };
+      if (at % lanes == 0) served = {};
+      const auto bank = [&](std::size_t k, int i) { return vertices[order[k]][i] % lanes; };
       std::size_t best = at;
-      int least = arity + 1;
+      int least = INT_MAX;
       for (std::size_t k = at; k < std::min(order.size(), at + looked_at) && least > 0; ++k) {
-        int collisions = 0;
-        for (int i = 0; i < arity; ++i) collisions += (taken[i] & bank(k, i)) != 0;
-        if (collisions < least) {
-          least = collisions;
+        int cost = 0;
+        for (int i = 0; i < arity; ++i) {
+          const int met = served[i].loads[bank(k, i)];
+          cost += met + (met > 0 && met == served[i].turns ? a_turn : 0);
+        }
+        if (cost < least) {
+          least = cost;
           best = k;
         }
       }
-      for (int i = 0; i < arity; ++i) taken[i] |= bank(best, i);
+      for (int i = 0; i < arity; ++i) {
+        const auto met = ++served[i].loads[bank(best, i)];
+        served[i].turns = std::max(served[i].turns, met);
+      }
       std::swap(order[at], order[best]);
     }
   }

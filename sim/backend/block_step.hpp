@@ -104,6 +104,7 @@ constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
   Effects::for_each([&]<class Effect, std::size_t index>() {
     if constexpr (Effect::kind == kind && (set >> index & 1)) {
       const Views<BlockView<Effect, T>>& views = scene.effects;
+      SIM_NO_UNROLL
       for (int i = 0; i < views.count; ++i)
         function.template operator()<Effect>(views.items[i], k++);
     }
@@ -115,7 +116,7 @@ template <class T>
 struct BlockVertices {
   Row<T>* u;                // [copies] m, and the vertex's inverse mass, 1/kg
   Row<T>* d;                // [copies] m over the substep, and the copy's mobility, s2/kg
-  Vec3<T>* carried;         // [copies] m (partition.hpp)
+  Vec3<T>* carried;         // [copies of vertices with several] m (partition.hpp)
   Vec3<T>* v;               // [count] m/s at the start of the substep
   Vec3<T>* corrections;     // [contacts * count] m, 0: not in contact
   const Vec3<T>* rest;      // [count] m
@@ -125,29 +126,40 @@ struct BlockVertices {
   int count;
 };
 
-// function(copy) for each copy of a vertex of the block.
-template <class T, class Function>
-SIM_HD void for_each_copy(const BlockVertices<T>& x, int i, Function&& function) {
-  const CopyRange copies = x.copies[i];
-  for (int k = 0; k < copies.count; ++k) function(copies.begin + k);
-}
-
-// In all blocks together.
+// One of them, as it is worked on between two sweeps: read once.
 template <class T>
-SIM_HD bool has_several_copies(const BlockVertices<T>& x, int i) {
-  return x.share[i] < T(1);
-}
+struct VertexNow {
+  CopyRange copies;
+  T share;
+  Row<T> u;
+  Vec3<T> v;
+
+  VertexNow() = default;
+  SIM_HD VertexNow(const BlockVertices<T>& x, int i)
+      : copies(x.copies[i]), share(x.share[i]), u(x.u[copies.begin]), v(x.v[i]) {}
+
+  // In all blocks together.
+  SIM_HD bool has_several_copies() const { return share < T(1); }
+  // function(copy) for each that the block has.
+  template <class Function>
+  SIM_HD void for_each_copy(Function&& function) const {
+    SIM_NO_UNROLL
+    for (int k = 0; k < copies.count; ++k) function(copies.begin + k);
+  }
+  // How far it goes in a substep by its velocity alone; the same in all blocks.
+  SIM_HD Vec3<T> inertial(T dt) const { return dt * v; }
+};
 
 // Up to the element effects.
 template <EffectSet set = all_effects, class T>
 SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
-                        int i) {
-  const auto [u, w] = x.u[x.copies[i].begin];
+                        int i, const VertexNow<T>& now) {
+  const auto [u, w] = now.u;
   const T dt = scene.dt;
-  const Vec3<T> v = x.v[i], rest = x.rest[i];
-  Vec3<T> d = begin_vertex(w, v, dt);
+  const Vec3<T> rest = x.rest[i];
+  Vec3<T> d = begin_vertex(w, now.v, dt);
   for_each_view<EffectKind::force, set>(scene, [&]<class Effect>(const auto& view, int) {
-    if (w > T(0)) d += (dt * dt) * Effect::acceleration(view.device, rest, u, v);
+    if (w > T(0)) d += (dt * dt) * Effect::acceleration(view.device, rest, u, now.v);
   });
   if (x.leader) {
     for_each_view<EffectKind::motion, set>(scene, [&]<class Effect>(const auto& view, int k) {
@@ -159,50 +171,48 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
     x.corrections[k * x.count + i] = correction;
     d += correction;
   });
-  if (has_several_copies(x, i)) {
-    for_each_copy(x, i, [&](int copy) { x.d[copy].v = d + before_sweep(x.carried[copy]); });
+  if (now.has_several_copies()) {
+    now.for_each_copy([&](int copy) { x.d[copy].v = d + before_sweep(x.carried[copy]); });
   } else {
-    x.d[x.copies[i].begin].v = d;
+    x.d[now.copies.begin].v = d;
   }
 }
 
-// How far a vertex goes in a substep by its velocity alone; the same in all blocks.
+// What the block has to say about a vertex: the sum over its copies, counted from where its
+// velocity takes it.
 template <class T>
-SIM_HD Vec3<T> inertial(const BlockScene<T>& scene, const BlockVertices<T>& x, int i) {
-  return scene.dt * x.v[i];
-}
-
-// What the block has to say about a vertex: the sum over its copies, counted from there.
-template <class T>
-SIM_HD Vec3<T> sum_of_copies(const BlockScene<T>& scene, const BlockVertices<T>& x, int i) {
-  const Vec3<T> from = inertial(scene, x, i);
+SIM_HD Vec3<T> sum_of_copies(const BlockScene<T>& scene, const BlockVertices<T>& x,
+                             const VertexNow<T>& now) {
+  const Vec3<T> from = now.inertial(scene.dt);
   Vec3<T> sum;
-  for_each_copy(x, i, [&](int copy) { sum += x.d[copy].v - from; });
+  now.for_each_copy([&](int copy) { sum += x.d[copy].v - from; });
   return sum;
 }
 
-// After the element effects, with the sum over all copies where there are several.
+// After the element effects, with the sum over all copies where there are several. Brings `now` to
+// the end of the substep.
 template <EffectSet set = all_effects, class T>
 SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
-                         int i, const Vec3<T>& sum) {
-  Row<T> row = x.u[x.copies[i].begin];
-  Vec3<T> d = x.d[x.copies[i].begin].v;
-  if (has_several_copies(x, i)) {
-    const Vec3<T> from = inertial(scene, x, i), mean = x.share[i] * sum;
-    for_each_copy(x, i, [&](int copy) {
-      x.carried[copy] = carried_on(x.carried[copy], x.d[copy].v - from, mean);
-    });
+                         int i, const Vec3<T>& sum, VertexNow<T>& now) {
+  Vec3<T> d;
+  if (now.has_several_copies()) {
+    const Vec3<T> from = now.inertial(scene.dt), mean = now.share * sum;
+    now.for_each_copy(
+        [&](int copy) { x.carried[copy] = carried_on(x.carried[copy], x.d[copy].v - from, mean); });
     d = from + mean;
+  } else {
+    d = x.d[now.copies.begin].v;
   }
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto& view, int k) {
     const Vec3<T> correction = x.corrections[k * x.count + i];
-    if (touches(correction)) Effect::rub(view.device, step, correction, x.v[i], d);
+    if (touches(correction)) Effect::rub(view.device, step, correction, now.v, d);
     if constexpr (can_stop<Effect, T>) {
-      if (row.w > T(0)) d += Effect::stop(view.device, step, x.rest[i], row.v, d);
+      if (now.u.w > T(0)) d += Effect::stop(view.device, step, x.rest[i], now.u.v, d);
     }
   });
-  end_vertex(d, scene.dt, row.v, x.v[i]);
-  for_each_copy(x, i, [&](int copy) { x.u[copy] = row; });
+  end_vertex(d, scene.dt, now.u.v, now.v);
+  x.v[i] = now.v;
+  now.for_each_copy([&](int copy) { x.u[copy] = now.u; });
 }
 
 // Displacements of an element's vertices, with their mobilities.
@@ -247,11 +257,13 @@ SIM_HD void solve_element(const BlockVertices<T>& x, const LocalVertices<arity>&
 // is an odd number of 16 bytes, so that lanes side by side load from different banks.
 template <class Effect, class T>
 struct alignas(16) LinearizedElement {
-  static constexpr std::size_t used =
-      sizeof(Linearized<Effect, T>) + sizeof(LocalVertices<Effect::arity>);
-  Linearized<Effect, T> linearized;
-  LocalVertices<Effect::arity> vertices;
-  unsigned char spread[(used / 32 * 2 + (used % 32 < 16 ? 1 : 3)) * 16 - used];
+  struct Content {
+    LocalVertices<Effect::arity> vertices;  // first: the numbers need no stricter place
+    Linearized<Effect, T> linearized;
+  };
+  Content content;
+  unsigned char apart[(sizeof(Content) / 32 * 2 + (sizeof(Content) % 32 < 16 ? 1 : 3)) * 16 -
+                      sizeof(Content)];
 };
 
 // What a block needs for each of them, bytes.
@@ -266,13 +278,14 @@ SIM_HD void linearize_element(const BlockVertices<T>& x,
                               const typename BlockView<Effect, T>::Local& vertices,
                               const typename Effect::template Rest<T>& rest, T* memory,
                               LinearizedElement<Effect, T>& out) {
+  static_assert(sizeof(out) / 16 % 2 == 1);
   constexpr int arity = Effect::arity;
   Vec3<T> u[arity], d[arity];
   T mobility[arity];
   displacements_at_start(x, vertices, u);
   Rows<T, arity>(x, vertices).split(d, mobility);
-  linearize<Effect>(rest, mobility, u, d, memory, out.linearized);
-  out.vertices = vertices;
+  linearize<Effect>(rest, mobility, u, d, memory, out.content.linearized);
+  out.content.vertices = vertices;
 }
 
 template <class Effect, class T>
@@ -282,9 +295,9 @@ SIM_HD void solve_linearized(const BlockVertices<T>& x, const LinearizedElement<
   Vec3<T> d[arity];
   T mobility[arity];
   rows.split(d, mobility);
-  apply_linearized(element.linearized, mobility, d);
+  apply_linearized(element.content.linearized, mobility, d);
   for (int i = 0; i < arity; ++i) {
-    if (active) x.d[element.vertices[i]] = {d[i], mobility[i]};
+    if (active) x.d[element.content.vertices[i]] = {d[i], mobility[i]};
   }
 }
 

@@ -267,16 +267,11 @@ class CudaSolver final : public Solver {
   CudaSolver(const Model& model, const Scene& scene, const SolverOptions& options, std::string name)
       : CudaSolver(Program<T>(model, scene), options, std::move(name)) {}
 
-  ~CudaSolver() override {
-    cudaGraphExecDestroy(graph_);
-    cudaStreamDestroy(stream_);
-  }
-
   void advance_frame() override {
     for (int substep = 0; substep < substeps_; ++substep) {
-      check(cudaGraphLaunch(graph_, stream_), "launching a substep");
+      graph_.launch(stream_, "launching a substep");
     }
-    check(cudaStreamSynchronize(stream_), "running a frame");
+    stream_.finish("running a frame");
     for_each_active<EffectKind::self_contact>(
         [&]<class Effect>(const auto& effect) { effect.check_room(); });
   }
@@ -301,7 +296,7 @@ class CudaSolver final : public Solver {
       const auto& effects = std::get<i>(program_.effects);
       for (std::size_t k = 0; k < effects.size(); ++k) std::get<i>(effects_)[k].retune(effects[k]);
     });
-    recapture();
+    capture();
   }
   void steer(const Scene& scene) override {
     check_scene(scene);
@@ -314,7 +309,7 @@ class CudaSolver final : public Solver {
         }
       }
     });
-    recapture();
+    capture();
   }
   std::size_t contact_count() const override {
     std::size_t count = 0;
@@ -327,6 +322,17 @@ class CudaSolver final : public Solver {
   }
   std::string device() const override { return "cuda, " + name_; }
   bool off_host() const override { return true; }
+  SubstepWork substep_work() const override {
+    // At the start and the end of a substep, and by each force: w, u, v and d.
+    double bytes = n_ * (3.0 * sizeof(T) + 8.0 * sizeof(Vec3<T>));
+    for_each_active<EffectKind::element>([&]<class Effect>(const auto& effect) {
+      const double of_vertex = sizeof(T) + 3.0 * sizeof(Vec3<T>);
+      bytes += static_cast<double>(effect.coloring.order.size()) *
+               (sizeof(effect.vertices.get()[0]) + sizeof(effect.rest.get()[0]) +
+                2.0 * memory_of<Effect> * sizeof(T) + Effect::arity * of_vertex);
+    });
+    return {.far_bytes = bytes, .launches = static_cast<int>(graph_.size())};
+  }
 
  private:
   template <class Effect>
@@ -353,7 +359,6 @@ class CudaSolver final : public Solver {
         std::get<i>(effects_).emplace_back(host, layout_);
       }
     });
-    check(cudaStreamCreate(&stream_), "creating a stream");
     capture();
   }
 
@@ -378,19 +383,8 @@ class CudaSolver final : public Solver {
   }
 
   // What travels as a kernel argument is part of the graph.
-  void recapture() {
-    check(cudaGraphExecDestroy(std::exchange(graph_, nullptr)), "retuning");
-    capture();
-  }
-
   void capture() {
-    check(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeThreadLocal), "capturing a substep");
-    enqueue_substep();
-    cudaGraph_t graph = nullptr;
-    check(cudaStreamEndCapture(stream_, &graph), "capturing a substep");
-    const cudaError_t status = cudaGraphInstantiate(&graph_, graph, 0);
-    cudaGraphDestroy(graph);
-    check(status, "preparing a substep");
+    graph_ = Graph(stream_, [this] { enqueue_substep(); });
   }
 
   static int blocks(int threads) { return (threads + block_size - 1) / block_size; }
@@ -505,8 +499,8 @@ class CudaSolver final : public Solver {
   DeviceArray<Vec3<T>> u_, v_, d_;
   DeviceArray<unsigned long long> done_;  // [1] substeps
   Effects::Slots<Slot> effects_;
-  cudaStream_t stream_ = nullptr;
-  cudaGraphExec_t graph_ = nullptr;
+  Stream stream_;
+  Graph graph_;
 };
 
 }  // namespace

@@ -49,11 +49,11 @@ struct Frame {
   int substeps;
   int locals;
   int all_copies;
-  int blocks;                                                            // of a member
-  int first_member;                                                      // of the grid
-  int contacts;                                                          // contact effects named
-  int most_locals, most_shared, most_copies, most_gathered, most_table;  // of a block
-  int team;                                                              // lanes that sweep
+  int blocks;        // of a member
+  int first_member;  // of the grid
+  int contacts;      // contact effects named
+  int most_locals, most_shared, most_copies, most_carried, most_gathered, most_table;  // of a block
+  int team;         // lanes that sweep
   bool linearizes;  // elements before a sweep, side by side: where a phase costs its latency
   bool prefetches;  // the elements' constants: more than the device's cache holds
 };
@@ -150,7 +150,7 @@ struct LinearizedWork {
   __device__ Item fetch(int e) const { return elements[e]; }
   __device__ void prefetch(int) const {}
   __device__ void look_ahead(Item&) const {}
-  __device__ Rows gather(const Item& item) const { return {x, item.vertices}; }
+  __device__ Rows gather(const Item& item) const { return {x, item.content.vertices}; }
   __device__ void solve(const Item& item, const Rows& rows, bool active) const {
     solve_linearized(x, item, rows, active);
   }
@@ -267,6 +267,7 @@ __device__ Vec3<T> gathered(const Parcel<T>* parcels, const int* from, const int
                             int local, const Vec3<T>& own, unsigned exchange) {
   constexpr int batch = 8;
   Vec3<T> sum;
+#pragma unroll 1
   for (; from < from_end; from += batch) {
     Parcel<T> parcel[batch];
     int at[batch];  // `local` where nothing is awaited
@@ -290,7 +291,8 @@ __device__ Vec3<T> gathered(const Parcel<T>* parcels, const int* from, const int
     }
 #pragma unroll
     for (int k = 0; k < batch; ++k) {
-      if (from + k < from_end) sum += at[k] == local ? own : parcel[k].content();
+      const Vec3<T> content = at[k] == local ? own : parcel[k].content();
+      sum += select(from + k < from_end, content, Vec3<T>{});
     }
   }
   return sum;
@@ -300,7 +302,7 @@ __device__ Vec3<T> gathered(const Parcel<T>* parcels, const int* from, const int
 template <class T>
 struct BlockMemory {
   Row<T>*u, *d;             // [copies]
-  Vec3<T>* carried;         // [copies]
+  Vec3<T>* carried;         // [copies of vertices with several]
   Vec3<T>*v, *corrections;  // [locals], [contacts * locals]
   T* share;                 // [locals]
   CopyRange* copies;        // [locals]
@@ -322,7 +324,7 @@ struct BlockMemory {
     const std::size_t locals = frame.most_locals;
     u = take<Row<T>>(at, frame.most_copies);
     d = take<Row<T>>(at, frame.most_copies);
-    carried = take<Vec3<T>>(at, frame.most_copies);
+    carried = take<Vec3<T>>(at, frame.most_carried);
     v = take<Vec3<T>>(at, locals);
     corrections = take<Vec3<T>>(at, frame.contacts * locals);
     share = take<T>(at, locals);
@@ -402,15 +404,18 @@ __global__ void __launch_bounds__(most_threads, 1)
   for_each_view<EffectKind::element, set>(
       scene, [&]<class Effect>(const auto& view, int) { bring_close<Effect, T>(view, work); });
   for (int i = lane; i < count; i += lanes) {
-    own.copies[i] = frame.copies[first + i];
-    own.share[i] = frame.share[first + i];
-    x.v[i] = v[i];
-    for_each_copy(x, i, [&](int copy) {
-      x.u[copy] = {u[i], frame.inverse_mass[first + i]};
-      x.d[copy].w = frame.mobility[first + i];
-      x.carried[copy] = carried[copy];
+    VertexNow<T> now;
+    own.copies[i] = now.copies = frame.copies[first + i];
+    own.share[i] = now.share = frame.share[first + i];
+    now.u = {u[i], frame.inverse_mass[first + i]};
+    x.v[i] = now.v = v[i];
+    const T mobility = frame.mobility[first + i];
+    now.for_each_copy([&](int copy) {
+      x.u[copy] = now.u;
+      x.d[copy].w = mobility;
+      if (now.has_several_copies()) x.carried[copy] = carried[copy];
     });
-    begin_local<set>(scene, step_at(0), x, i);
+    begin_local<set>(scene, step_at(0), x, i, now);
   }
   __syncthreads();
   for (int substep = 0; substep < frame.substeps; ++substep) {
@@ -420,27 +425,32 @@ __global__ void __launch_bounds__(most_threads, 1)
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
     Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.locals;
     for (int i = lane; i < shared_count; i += lanes) {
-      Parcel<T>::send(parcels + first + i, sum_of_copies(scene, x, i), exchange);
+      Parcel<T>::send(parcels + first + i, sum_of_copies(scene, x, VertexNow<T>(x, i)), exchange);
     }
     // Vertices that no other block has first: parcels are on their way.
     const int inner_count = count - shared_count;
     for (int k = lane; k < count; k += lanes) {
       const int i = k < inner_count ? shared_count + k : k - inner_count;
+      VertexNow<T> now(x, i);
       Vec3<T> sum;
-      if (has_several_copies(x, i)) sum = sum_of_copies(scene, x, i);
+      if (now.has_several_copies()) sum = sum_of_copies(scene, x, now);
       if (i < shared_count) {
         sum = gathered(parcels, own.from + own.from_begin[i], own.from + own.from_begin[i + 1],
                        first + i, sum, exchange);
       }
-      finish_local<set>(scene, step_at(substep), x, i, sum);
-      if (substep + 1 < frame.substeps) begin_local<set>(scene, step_at(substep + 1), x, i);
+      finish_local<set>(scene, step_at(substep), x, i, sum, now);
+      if (substep + 1 < frame.substeps) begin_local<set>(scene, step_at(substep + 1), x, i, now);
     }
+    __syncwarp();  // lanes that waited and lanes that did not go on as one
     __syncthreads();
   }
   for (int i = lane; i < count; i += lanes) {
-    u[i] = x.u[x.copies[i].begin].v;
-    v[i] = x.v[i];
-    for_each_copy(x, i, [&](int copy) { carried[copy] = x.carried[copy]; });
+    const VertexNow<T> now(x, i);
+    u[i] = now.u.v;
+    v[i] = now.v;
+    if (now.has_several_copies()) {
+      now.for_each_copy([&](int copy) { carried[copy] = x.carried[copy]; });
+    }
     for (int k = 0; k < frame.contacts; ++k) {
       frame.touching[(member * frame.contacts + k) * frame.locals + first + i] =
           touches(x.corrections[k * count + i]);

@@ -19,7 +19,75 @@ inline void check(cudaError_t status, const char* doing) {
                 "use device: cpu, or mend the driver");
 }
 
-// Device memory that is freed with its owner.
+// A solver's own order of things: solvers of several threads do not wait for one another.
+class Stream {
+ public:
+  Stream() {
+    check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "creating a stream");
+  }
+  Stream(const Stream&) = delete;
+  ~Stream() { cudaStreamDestroy(stream_); }
+  operator cudaStream_t() const { return stream_; }
+  void finish(const char* doing) const { check(cudaStreamSynchronize(stream_), doing); }
+
+ private:
+  cudaStream_t stream_ = nullptr;
+};
+
+// What is enqueued once and launched again and again.
+class Graph {
+ public:
+  Graph() = default;
+  template <class Enqueue>
+  Graph(cudaStream_t stream, Enqueue&& enqueue) : Graph() {
+    check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal), "capturing a graph");
+    enqueue();
+    check(cudaStreamEndCapture(stream, &graph_), "capturing a graph");
+    check(cudaGraphInstantiate(&executable_, graph_, 0), "preparing a graph");
+    std::size_t count = 0;
+    check(cudaGraphGetNodes(graph_, nullptr, &count), "looking at a graph");
+    nodes_.resize(count);
+    check(cudaGraphGetNodes(graph_, nodes_.data(), &count), "looking at a graph");
+  }
+  Graph(Graph&& other) noexcept { *this = std::move(other); }
+  Graph& operator=(Graph&& other) noexcept {
+    std::swap(graph_, other.graph_);
+    std::swap(executable_, other.executable_);
+    std::swap(nodes_, other.nodes_);
+    return *this;
+  }
+  ~Graph() {
+    if (executable_) cudaGraphExecDestroy(executable_);
+    if (graph_) cudaGraphDestroy(graph_);
+  }
+
+  std::size_t size() const { return nodes_.size(); }
+  // Where all nodes are kernels of one argument: change(argument) from what it was when captured to
+  // what it is from the next launch on.
+  template <class Argument, class Change>
+  void change_argument(Change&& change) {
+    for (const cudaGraphNode_t node : nodes_) {
+      cudaKernelNodeParams kernel{};
+      check(cudaGraphKernelNodeGetParams(node, &kernel), "looking at a kernel");
+      Argument argument = *static_cast<const Argument*>(kernel.kernelParams[0]);
+      change(argument);
+      void* arguments[] = {&argument};
+      kernel.kernelParams = arguments;
+      check(cudaGraphExecKernelNodeSetParams(executable_, node, &kernel), "changing an argument");
+    }
+  }
+  void launch(cudaStream_t stream, const char* doing) const {
+    check(cudaGraphLaunch(executable_, stream), doing);
+  }
+
+ private:
+  cudaGraph_t graph_ = nullptr;
+  cudaGraphExec_t executable_ = nullptr;
+  std::vector<cudaGraphNode_t> nodes_;
+};
+
+// Device memory that is freed with its owner. What it does is done when it returns, for every
+// stream.
 template <class T>
 class DeviceArray {
  public:
@@ -42,6 +110,7 @@ class DeviceArray {
     if (host.empty()) return;
     check(cudaMemcpy(data_ + first, host.data(), host.size() * sizeof(T), cudaMemcpyHostToDevice),
           "uploading");
+    check(cudaStreamSynchronize(nullptr), "uploading");
   }
   std::vector<T> download() const { return download(0, size_); }
   std::vector<T> download(std::size_t first, std::size_t count) const {
@@ -52,7 +121,9 @@ class DeviceArray {
     return host;
   }
   void clear(std::size_t first, std::size_t count) {
-    if (count > 0) check(cudaMemset(data_ + first, 0, count * sizeof(T)), "clearing");
+    if (count == 0) return;
+    check(cudaMemset(data_ + first, 0, count * sizeof(T)), "clearing");
+    check(cudaStreamSynchronize(nullptr), "clearing");
   }
   T* get() const { return data_; }
   std::size_t size() const { return size_; }

@@ -25,6 +25,7 @@ class Ensemble {
   virtual std::size_t contact_count(int member) const = 0;
   virtual std::string device() const = 0;
   virtual bool off_host() const { return false; }
+  virtual SubstepWork substep_work() const { return {}; }  // of one member
 };
 
 // Gives a member its materials and parameters, in place of those that all share; may be empty.
@@ -49,6 +50,7 @@ class OnlyMember final : public Solver {
   std::size_t contact_count() const override { return ensemble_->contact_count(0); }
   std::string device() const override { return ensemble_->device(); }
   bool off_host() const override { return ensemble_->off_host(); }
+  SubstepWork substep_work() const override { return ensemble_->substep_work(); }
 
  private:
   std::unique_ptr<Ensemble> ensemble_;
@@ -77,6 +79,8 @@ class Separately final : public Ensemble {
   void steer(int member, const Scene& scene) override { members_[member]->steer(scene); }
   std::size_t contact_count(int member) const override { return members_[member]->contact_count(); }
   std::string device() const override { return members_[0]->device(); }
+  bool off_host() const override { return members_[0]->off_host(); }
+  SubstepWork substep_work() const override { return members_[0]->substep_work(); }
 
  private:
   std::vector<std::unique_ptr<Solver>> members_;

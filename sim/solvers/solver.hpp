@@ -19,6 +19,14 @@ struct Diverged : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// What a substep asks of a device: to be held against the device's limits.
+struct SubstepWork {
+  double close_bytes = 0.0;  // read and written in what a multiprocessor has for itself
+  double far_bytes = 0.0;    // in the cache or memory of the whole device
+  int phases = 0;            // of the fullest block: each waits for the one before
+  int launches = 0;          // likewise; 0 where a frame is one
+};
+
 class Solver {
  public:
   virtual ~Solver() = default;
@@ -41,6 +49,8 @@ class Solver {
   virtual std::string device() const = 0;         // "cpu, 2 threads", "cuda, NVIDIA H200"
   // Whether a frame leaves the host's cores to others.
   virtual bool off_host() const { return false; }
+  // Zeros where it is not counted.
+  virtual SubstepWork substep_work() const { return {}; }
   // Seconds spent so far in each part of a step, by the effect's name; "step" for the rest. Empty
   // where it is not measured.
   virtual std::vector<std::pair<std::string, double>> seconds() const { return {}; }

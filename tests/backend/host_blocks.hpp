@@ -28,7 +28,7 @@ class HostBlocks final : public Solver {
     for (int block = 0; block < layout_.block_count(); ++block) {
       const int first = layout_.locals_in(block).begin;
       for_each_local(block, [&](const auto& x, int i, int) {
-        for_each_copy(x, i, [&](int copy) {
+        VertexNow<T>(x, i).for_each_copy([&](int copy) {
           x.u[copy].w = constants_.inverse_mass[first + i];
           x.d[copy].w = constants_.mobility[first + i];
         });
@@ -57,16 +57,21 @@ class HostBlocks final : public Solver {
       std::vector<Vec3<T>> sums;
       for (int block = 0; block < layout_.block_count(); ++block) {
         const auto x = vertices(block);
-        for (int i = 0; i < x.count; ++i) begin_local(scenes_[block], step, x, i);
+        for (int i = 0; i < x.count; ++i) {
+          begin_local(scenes_[block], step, x, i, VertexNow<T>(x, i));
+        }
         for_each_view<EffectKind::element>(
             scenes_[block], [&]<class Effect>(const auto& view, int) { sweep<Effect>(view, x); });
-        for (int i = 0; i < x.count; ++i) sums.push_back(sum_of_copies(scenes_[block], x, i));
+        for (int i = 0; i < x.count; ++i) {
+          sums.push_back(sum_of_copies(scenes_[block], x, VertexNow<T>(x, i)));
+        }
       }
       for (int block = 0; block < layout_.block_count(); ++block) {
         for_each_local(block, [&](const auto& x, int i, int vertex) {
           Vec3<T> sum;
           for (const int local : layout_.locals_of(vertex)) sum += sums[local];
-          finish_local(scenes_[block], step, x, i, sum);
+          VertexNow<T> now(x, i);
+          finish_local(scenes_[block], step, x, i, sum, now);
         });
       }
     }
@@ -90,7 +95,7 @@ class HostBlocks final : public Solver {
   void set_state(const State& state) override {
     for (int block = 0; block < layout_.block_count(); ++block) {
       for_each_local(block, [&](const auto& x, int i, int vertex) {
-        for_each_copy(x, i, [&](int copy) { x.u[copy].v = cast<T>(state.u[vertex]); });
+        VertexNow<T>(x, i).for_each_copy([&](int copy) { x.u[copy].v = cast<T>(state.u[vertex]); });
         x.v[i] = cast<T>(state.v[vertex]);
       });
     }
@@ -197,7 +202,7 @@ class HostBlocks final : public Solver {
                                     linearized[e]);
         }
         for (const auto& element : linearized) {
-          solve_linearized(x, element, Rows<T, arity>(x, element.vertices));
+          solve_linearized(x, element, Rows<T, arity>(x, element.content.vertices));
         }
         return;
       }

@@ -1,14 +1,16 @@
 // What accuracy costs on a CUDA device: milliseconds a frame against the error of displacement, by
 // scheme, substeps and size. A body swings under its own weight; errors are root mean squares over
 // the vertices, in parts of the displacement's, against colour-by-colour Gauss-Seidel in fp64 with
-// many substeps on the same mesh: in motion at half a second, held by its thin end, and, where
-// Newton can tell in a minute, at rest, held by its thick one.
+// many substeps on the same mesh: in motion at half a second, held by its thin end, and at rest,
+// held by its thick one, where Newton has it on meshes that take him a minute. Beside each time
+// stands what an H200 would need at least (bound_of), by the limit that binds.
 //   bench_gpu CSV E_kPa NU MESH.vtu…
 // and what the members of an ensemble cost, which differ in E:
 //   bench_gpu ensemble CSV MESH.vtu
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -27,7 +29,7 @@ using sim::Model, sim::Precision, sim::Scheme, sim::State, sim::Vec3;
 
 constexpr int motion_frames = 30;  // of 1/60 s
 constexpr int reference_substeps = 512;
-constexpr std::size_t most_tets_at_rest = 60'000;
+constexpr std::size_t most_tets_for_newton = 60'000;
 
 struct Row {
   const char* name;
@@ -38,8 +40,8 @@ struct Row {
 std::vector<Row> rows() {
   std::vector<Row> all;
   for (const int substeps : {32, 64}) all.push_back({"gauss_seidel", {}, substeps});
-  for (const int substeps : {16, 18, 19, 20, 21, 22, 24, 26, 28, 29, 30, 32,
-                             34, 36, 38, 40, 44, 48, 52, 56, 64, 72, 80, 96}) {
+  for (const int substeps : {14, 15, 16, 17, 18, 20, 21, 22, 24, 26, 27, 28, 30, 32,
+                             34, 36, 37, 38, 40, 44, 48, 52, 56, 64, 72, 80, 96}) {
     all.push_back({"block_gauss_seidel", {.scheme = Scheme::block_gauss_seidel}, substeps});
   }
   return all;
@@ -81,27 +83,38 @@ sim::Scene tissue(int substeps) {
   return scene;
 }
 
-// Quasi-static Newton on the same mesh.
-State equilibrium(const Model& model) {
-  sim::SolverOptions newton{.method = sim::Method::fem};
-  newton.fem.time = sim::FemOptions::Time::quasi_static;
-  newton.fem.tolerance = 1e-9;
-  const auto solver = make_on_cpu(model, tissue(1), newton);
-  solver->advance_frame();
-  State state = solver->state();
-  state.step = 0;
-  return state;
-}
-
 // Velocities are halved every few frames: near the critical damping of the slowest swing.
-State settled(sim::Solver& solver, const State& start) {
+State settled(sim::Solver& solver, const State& start, int halvings = 60) {
   State state = start;
-  for (int k = 0; k < 60; ++k) {
+  for (int k = 0; k < halvings; ++k) {
     for (auto& v : state.v) v = 0.5 * v;
     solver.set_state(state);
     for (int frame = 0; frame < 4; ++frame) solver.advance_frame();
     state = solver.state();
   }
+  return state;
+}
+
+// Where it hangs still: by quasi-static Newton, or where that takes long by settling.
+State equilibrium(const Model& model) {
+  if (model.tet_count() <= most_tets_for_newton) {
+    sim::SolverOptions newton{.method = sim::Method::fem};
+    newton.fem.time = sim::FemOptions::Time::quasi_static;
+    newton.fem.tolerance = 1e-9;
+    const auto solver = make_on_cpu(model, tissue(1), newton);
+    solver->advance_frame();
+    State state = solver->state();
+    state.step = 0;
+    return state;
+  }
+  const auto near = make_on_cuda(model, tissue(96), {.scheme = Scheme::block_gauss_seidel});
+  State state = near->state();
+  state = settled(*near, state, 240);
+  state.carried.clear();
+  const auto exact =
+      make_on_cuda(model, tissue(reference_substeps), {.precision = Precision::fp64});
+  state = settled(*exact, state, 24);
+  state.step = 0;
   return state;
 }
 
@@ -122,6 +135,34 @@ Times time_frames(Advance&& advance, int frames) {
   return {ms[ms.size() / 2], ms[ms.size() / 4], ms[3 * ms.size() / 4]};
 }
 
+struct Bound {
+  double us;  // a substep
+  const char* by;
+};
+
+// The least that an H200 needs for a substep of tets: docs/results/cuda.md has where the numbers
+// come from.
+Bound bound_of(const sim::SubstepWork& work, std::size_t tets) {
+  constexpr double processors = 132, cycles_a_us = 1980;
+  constexpr double lanes = 128, close_bytes_a_cycle = 128;  // of a multiprocessor
+  constexpr double instructions = 352;                      // a tet, evaluated in place
+  constexpr double cache_bytes = 48e6;                      // that are read at its rate
+  constexpr double cache_bytes_a_us = 8.0e6, memory_bytes_a_us = 4.4e6;
+  constexpr double phase_cycles = 160, meeting_cycles = 1500;  // one element; two trips to L2
+  constexpr double launch_us = 0.55;                           // an empty node of a graph
+  const double far_rate = work.far_bytes <= cache_bytes ? cache_bytes_a_us : memory_bytes_a_us;
+  const double in_order = work.launches > 0
+                              ? work.launches * launch_us
+                              : (work.phases * phase_cycles + meeting_cycles) / cycles_a_us;
+  const std::array<Bound, 4> all{
+      {{instructions * static_cast<double>(tets) / (processors * lanes * cycles_a_us),
+        "arithmetic"},
+       {work.close_bytes / (processors * close_bytes_a_cycle * cycles_a_us), "shared memory"},
+       {work.far_bytes / far_rate, "memory"},
+       {in_order, "latency"}}};
+  return std::ranges::max(all, {}, &Bound::us);
+}
+
 void run(const sim::Material& material, const char* file, std::string& csv) {
   const Model model = held_body(file, material, Held::thin);
   const Model hanging = held_body(file, material, Held::thick);
@@ -133,9 +174,8 @@ void run(const sim::Material& material, const char* file, std::string& csv) {
   for (int frame = 0; frame < motion_frames; ++frame) converged->advance_frame();
   const State reference = converged->state();
   const double size = root_mean_square(reference.u, nullptr);
-  const bool rests = model.tet_count() <= most_tets_at_rest;
-  const State rest = rests ? equilibrium(hanging) : State{};
-  const double sag = rests ? root_mean_square(rest.u, nullptr) : NAN;
+  const State rest = equilibrium(hanging);
+  const double sag = root_mean_square(rest.u, nullptr);
   fmt::print("{} tets, E {} kPa, nu {}; rms displacement {:.2f} mm, at rest {:.2f} mm\n",
              model.tet_count(), material.youngs_modulus / 1e3, material.poisson_ratio, 1e3 * size,
              1e3 * sag);
@@ -146,24 +186,27 @@ void run(const sim::Material& material, const char* file, std::string& csv) {
         std::chrono::duration<double>(std::chrono::steady_clock::now() - made).count();
     const Times times = time_frames([&] { solver->advance_frame(); }, motion_frames);
     const double error = root_mean_square(solver->state().u, &reference.u) / size;
-    double rest_error = NAN;
-    if (rests) {
-      const auto hung = make_on_cuda(hanging, tissue(row.substeps), row.options);
-      rest_error = root_mean_square(settled(*hung, rest).u, &rest.u) / sag;
-    }
+    const auto hung = make_on_cuda(hanging, tissue(row.substeps), row.options);
+    const double rest_error = root_mean_square(settled(*hung, rest).u, &rest.u) / sag;
     const double cs = assess(model, tissue(row.substeps)).cs_max;
     const double us = 1e3 * times.median / row.substeps;
+    const sim::SubstepWork work = solver->substep_work();
+    const double bytes = work.close_bytes + work.far_bytes;
+    const Bound bound = bound_of(work, model.tet_count());
     const std::string line = fmt::format(
         "{:<18} {:3} substeps {:8.3f} ms a frame ({:.3f}, {:.3f}) {:7.2f} us a substep, error "
-        "{:.3f} %, at rest {:.3f} %, Cs {:.2f}, set-up {:.2f} s\n",
+        "{:.3f} %, at rest {:.3f} %, Cs {:.2f}, {:6.2f} MB, bound {:6.2f} us by {}, ratio {:.1f}, "
+        "set-up {:.2f} s\n",
         row.name, row.substeps, times.median, times.q1, times.q3, us, 100.0 * error,
-        100.0 * rest_error, cs, setup_s);
+        100.0 * rest_error, cs, 1e-6 * bytes, bound.us, bound.by, us / bound.us, setup_s);
     std::fputs(line.c_str(), stdout);
     std::fflush(stdout);
-    csv += fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.3f},{:.4f},{:.4f},{:.3f},{:.3f}\n",
-                       model.tet_count(), material.youngs_modulus, material.poisson_ratio, row.name,
-                       row.substeps, times.median, times.q1, times.q3, us, 100.0 * error,
-                       100.0 * rest_error, cs, setup_s);
+    csv += fmt::format(
+        "{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.3f},{:.4f},{:.4f},{:.3f},{:.0f},{:.3f},{},{:.2f},"
+        "{:.3f}\n",
+        model.tet_count(), material.youngs_modulus, material.poisson_ratio, row.name, row.substeps,
+        times.median, times.q1, times.q3, us, 100.0 * error, 100.0 * rest_error, cs, bytes,
+        bound.us, bound.by, us / bound.us, setup_s);
   }
 }
 
@@ -212,7 +255,7 @@ int main(int argc, char** argv) {
                                         .damping = 0.0};
   std::string csv =
       "tets,E_Pa,nu,scheme,substeps,frame_ms,q1,q3,us_per_substep,error_percent,"
-      "rest_error_percent,Cs,setup_s\n";
+      "rest_error_percent,Cs,bytes_per_substep,bound_us,bound_by,ratio,setup_s\n";
   for (int i = 4; i < argc; ++i) viscera::run(material, argv[i], csv);
   std::ofstream(argv[1]) << csv;
 }

@@ -30,7 +30,8 @@ inline const std::vector<KnownMiss> known_misses = [] {
       {"stiffness jump 1e2", "xpbd block_gauss_seidel", "", 1.33},
       {"stiffness jump 1e2", "xpbd jacobi, split 4", "", 11.1},
       {"mass ratio 1e4", "xpbd gauss_seidel", "", 9.92},
-      {"mass ratio 1e4", "xpbd block_gauss_seidel", "", 18.9},
+      // In blocks by where their borders lie: 18.9 when they were pieces of a Morton curve.
+      {"mass ratio 1e4", "xpbd block_gauss_seidel", "", 22.0},
       // Jacobi with split 4 gains energy at the Cs that Gauss-Seidel bears.
       {"mass ratio 1e4", "xpbd jacobi, split 4", "", 364},
       {"1/30 s with one substep, policy substeps", "xpbd jacobi, split 4", "", 91.6},

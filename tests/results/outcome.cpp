@@ -7,6 +7,7 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <mutex>
 #include <thread>
 
 #include "sim/refusal.hpp"
@@ -74,10 +75,17 @@ double miss_of(const Outcome& outcome) {
   return worst;
 }
 
-void run_rows(std::vector<Row>& rows, unsigned side_by_side) {
+void run_rows(std::vector<Row>& rows, unsigned side_by_side,
+              const std::function<void()>& after_each) {
   std::atomic<std::size_t> next = 0;
+  std::mutex telling;
   const auto work = [&] {
-    for (std::size_t i = next++; i < rows.size(); i = next++) run_row(rows[i]);
+    for (std::size_t i = next++; i < rows.size(); i = next++) {
+      run_row(rows[i]);
+      const std::scoped_lock lock(telling);
+      rows[i].done = true;
+      if (after_each) after_each();
+    }
   };
   std::vector<std::jthread> crew;
   for (unsigned i = 1; i < side_by_side; ++i) crew.emplace_back(work);
@@ -111,16 +119,23 @@ void write_table(const std::filesystem::path& file, const std::string& head, con
   std::string table =
       "| # | case | solver | precision | outcome | figures (bound) |\n"
       "|---|---|---|---|---|---|\n";
+  int left_out = 0;
   for (const Row& row : rows) {
+    if (!row.done) {
+      ++left_out;
+      continue;
+    }
     const int verdict = static_cast<int>(verdict_of(row.outcome));
     ++count[verdict];
     table += fmt::format("| {} | {} | {} | {} | {} | {} |\n", row.section, row.name, row.solver,
                          row.precision, words[verdict], figures(row.outcome));
   }
   std::filesystem::create_directories(file.parent_path());
+  const std::string not_run =
+      left_out > 0 ? fmt::format(" **{} more did not come to their end.**", left_out) : "";
   std::ofstream(file) << fmt::format(
-      "{}\n{} rows: {} {}, {} refused with a reason, {} failed, {} reported.\n\n{}", head,
-      rows.size(), count[0], held, count[1], count[2], count[3], table);
+      "{}\n{} rows: {} {}, {} refused with a reason, {} failed, {} reported.{}\n\n{}", head,
+      rows.size() - left_out, count[0], held, count[1], count[2], count[3], not_run, table);
 }
 
 }  // namespace viscera::sim

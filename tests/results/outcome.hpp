@@ -37,12 +37,14 @@ struct Row {
   std::string name, solver, precision;
   std::function<Outcome()> run;
   bool may_refuse = false;  // a refusal that says why is as good as a figure
+  bool done = false;
   Outcome outcome = {};
 };
 
 // Runs every row, several at a time; the result does not depend on how many. An exception is the
-// row's failure.
-void run_rows(std::vector<Row>& rows, unsigned side_by_side = std::thread::hardware_concurrency());
+// row's failure. `after_each` is called after every row, by one thread at a time.
+void run_rows(std::vector<Row>& rows, unsigned side_by_side = std::thread::hardware_concurrency(),
+              const std::function<void()>& after_each = {});
 
 // A failure that is known, with the figure reached (miss_of): tests fail when it gets worse.
 struct KnownMiss {
@@ -55,8 +57,8 @@ struct KnownMiss {
 std::vector<std::string> complaints(const std::vector<Row>& rows,
                                     const std::vector<KnownMiss>& known);
 
-// Markdown: `head`, a count of the verdicts, one line a row. `held` is the word for a row that
-// holds.
+// Markdown: `head`, a count of the verdicts, one line a row that is done. `held` is the word for a
+// row that holds.
 void write_table(const std::filesystem::path& file, const std::string& head, const char* held,
                  const std::vector<Row>& rows);
 

@@ -2,6 +2,8 @@
 // keep momentum, give the same bits on any number of threads and take a state up where it was left.
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "sim/partition.hpp"
 #include "sim/refusal.hpp"
 #include "tests/sim/shapes.hpp"
@@ -132,7 +134,13 @@ TEST(Blocks, HoldEveryElementOnceAndGiveEveryVertexACopyInEach) {
   const Blocks blocks(model, 100);
   EXPECT_EQ(blocks.count(), (static_cast<int>(model.tet_count()) + 99) / 100);
   SplitVertices split(blocks.count(), model.vertex_count());
-  for (const auto& tet : model.tets) split.touch(blocks.block_of(tet), tet);
+  std::vector<int> held(blocks.count());
+  for (const auto& tet : model.tets) {
+    split.touch(blocks.block_of(tet), tet);
+    ++held[blocks.block_of(tet)];
+  }
+  EXPECT_LE(std::ranges::max(held), 100);
+  EXPECT_GE(std::ranges::min(held), 90);
   split.number_copies();
   for (const auto& tet : model.tets) {
     for (const int v : tet) {
@@ -142,6 +150,16 @@ TEST(Blocks, HoldEveryElementOnceAndGiveEveryVertexACopyInEach) {
       EXPECT_TRUE(std::ranges::count(copies, copy) == 1);
     }
   }
+}
+
+TEST(Blocks, AreAsCompactAsABodyAllows) {
+  const Model model = make_cube(6);
+  const Blocks blocks(model, static_cast<int>(model.tet_count()) / 8);
+  ASSERT_EQ(blocks.count(), 8);
+  std::vector<std::set<int>> vertices(blocks.count());
+  for (const auto& tet : model.tets) vertices[blocks.block_of(tet)].insert(tet.begin(), tet.end());
+  // Octants of 3 x 3 x 3 cells.
+  for (const auto& own : vertices) EXPECT_EQ(own.size(), 64u);
 }
 
 }  // namespace

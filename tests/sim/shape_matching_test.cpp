@@ -90,28 +90,36 @@ TEST(ShapeMatching, RigidMotionCostsNothing) {
   }
 }
 
+// Angular momentum is kept as far as a step allows: what it is off by falls with dt.
 TEST(ShapeMatching, KeepsLinearAndAngularMomentum) {
   const Model model = make_cube(4);
   for (const char* regions : {"body", "blocks"}) {
-    const auto solver = make_on_cpu(model, matching_scene(regions), {.precision = Precision::fp64});
-    State start = at_rest(model);
-    std::mt19937 generator(8);
-    for (auto& u : start.u) u = random_vector(generator, 2e-3);
-    for (auto& v : start.v) v = random_vector(generator, 0.1);
-    solver->set_state(start);
-    for (int frame = 0; frame < 10; ++frame) solver->advance_frame();
-    Vec3<double> linear, angular, scale;
-    for (const auto& [state, sign] : {std::pair{solver->state(), 1.0}, std::pair{start, -1.0}}) {
-      for (std::size_t i = 0; i < model.vertex_count(); ++i) {
-        const Vec3<double> p = (sign * model.mass[i]) * state.v[i];
-        linear += p;
-        angular += cross(model.rest[i] + state.u[i], p);
-        scale.x += norm(p);
-        scale.y += norm(cross(model.rest[i] + state.u[i], p));
+    std::vector<double> off;
+    for (const int substeps : {64, 128}) {
+      Scene scene = matching_scene(regions);
+      scene.time.substeps = substeps;
+      const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp64});
+      State start = at_rest(model);
+      std::mt19937 generator(8);
+      for (auto& u : start.u) u = random_vector(generator, 2e-3);
+      for (auto& v : start.v) v = random_vector(generator, 0.1);
+      solver->set_state(start);
+      for (int frame = 0; frame < 10; ++frame) solver->advance_frame();
+      Vec3<double> linear, angular, scale;
+      for (const auto& [state, sign] : {std::pair{solver->state(), 1.0}, std::pair{start, -1.0}}) {
+        for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+          const Vec3<double> p = (sign * model.mass[i]) * state.v[i];
+          linear += p;
+          angular += cross(model.rest[i] + state.u[i], p);
+          scale.x += norm(p);
+          scale.y += norm(cross(model.rest[i] + state.u[i], p));
+        }
       }
+      EXPECT_LT(norm(linear), 1e-13 * scale.x) << regions;
+      off.push_back(norm(angular) / scale.y);
     }
-    EXPECT_LT(norm(linear), 1e-13 * scale.x) << regions;
-    EXPECT_LT(norm(angular), 2e-3 * scale.y) << regions;  // of the order of dt
+    EXPECT_LT(off[1], 2e-3) << regions;
+    EXPECT_LT(off[1], 0.6 * off[0]) << regions;
   }
 }
 
