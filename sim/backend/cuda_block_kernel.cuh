@@ -424,11 +424,14 @@ __global__ void __launch_bounds__(most_threads, 1)
     });
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
     Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.locals;
-    for (int i = lane; i < shared_count; i += lanes) {
+    // Vertices that no other block has come first: parcels are on their way meanwhile. Whoever
+    // sends for a vertex goes on with it, or another lane would begin its next substep too early.
+    const int inner_count = count - shared_count;
+    for (int k = lane; k < count; k += lanes) {
+      const int i = k - inner_count;
+      if (i < 0) continue;
       Parcel<T>::send(parcels + first + i, sum_of_copies(scene, x, VertexNow<T>(x, i)), exchange);
     }
-    // Vertices that no other block has first: parcels are on their way.
-    const int inner_count = count - shared_count;
     for (int k = lane; k < count; k += lanes) {
       const int i = k < inner_count ? shared_count + k : k - inner_count;
       VertexNow<T> now(x, i);
