@@ -392,6 +392,12 @@ __global__ void __launch_bounds__(most_threads, 1)
   const auto step_at = [&frame, &scene, done](int substep) {
     return Step<T>{scene.dt, static_cast<double>(done + substep + 1) * frame.dt};
   };
+  // In which order vertices are worked on: first those that no other block has, since meanwhile
+  // parcels are on their way. A lane keeps to its own, or it might begin the next substep of one
+  // that another has not yet sent.
+  const auto vertex_at = [inner_count = count - shared_count, shared_count](int k) {
+    return k < inner_count ? shared_count + k : k - inner_count;
+  };
   const int gather_first = frame.gather_begin[first];
   const int gather_end = frame.gather_begin[first + shared_count];
   for (int k = gather_first + lane; k < gather_end; k += lanes) {
@@ -424,16 +430,13 @@ __global__ void __launch_bounds__(most_threads, 1)
     });
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
     Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.locals;
-    // Vertices that no other block has come first: parcels are on their way meanwhile. Whoever
-    // sends for a vertex goes on with it, or another lane would begin its next substep too early.
-    const int inner_count = count - shared_count;
     for (int k = lane; k < count; k += lanes) {
-      const int i = k - inner_count;
-      if (i < 0) continue;
+      const int i = vertex_at(k);
+      if (i >= shared_count) continue;
       Parcel<T>::send(parcels + first + i, sum_of_copies(scene, x, VertexNow<T>(x, i)), exchange);
     }
     for (int k = lane; k < count; k += lanes) {
-      const int i = k < inner_count ? shared_count + k : k - inner_count;
+      const int i = vertex_at(k);
       VertexNow<T> now(x, i);
       Vec3<T> sum;
       if (now.has_several_copies()) sum = sum_of_copies(scene, x, now);
@@ -447,16 +450,17 @@ __global__ void __launch_bounds__(most_threads, 1)
     __syncwarp();  // lanes that waited and lanes that did not go on as one
     __syncthreads();
   }
-  for (int i = lane; i < count; i += lanes) {
+  for (int k = lane; k < count; k += lanes) {
+    const int i = vertex_at(k);
     const VertexNow<T> now(x, i);
     u[i] = now.u.v;
     v[i] = now.v;
     if (now.has_several_copies()) {
       now.for_each_copy([&](int copy) { carried[copy] = x.carried[copy]; });
     }
-    for (int k = 0; k < frame.contacts; ++k) {
-      frame.touching[(member * frame.contacts + k) * frame.locals + first + i] =
-          touches(x.corrections[k * count + i]);
+    for (int contact = 0; contact < frame.contacts; ++contact) {
+      frame.touching[(member * frame.contacts + contact) * frame.locals + first + i] =
+          touches(x.corrections[contact * count + i]);
     }
   }
 }

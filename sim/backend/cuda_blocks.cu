@@ -363,8 +363,13 @@ class CudaBlocks final : public Ensemble {
   }
 
   void ask_for_the_device() {
-    check(cudaFuncSetAttribute(kernel_, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                               static_cast<int>(shared_bytes_)),
+    // The kernel's limit is one for all solvers that run it: it is raised as far as it goes, or a
+    // smaller one made later would take this one's room.
+    cudaFuncAttributes kernel{};
+    check(cudaFuncGetAttributes(&kernel, kernel_), "looking at a kernel");
+    const int most = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin) -
+                     static_cast<int>(kernel.sharedSizeBytes);
+    check(cudaFuncSetAttribute(kernel_, cudaFuncAttributeMaxDynamicSharedMemorySize, most),
           "asking for shared memory");
     int a_processor = 0;
     check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, kernel_, threads_,

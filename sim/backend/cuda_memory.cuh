@@ -14,6 +14,7 @@ namespace viscera::sim {
 
 inline void check(cudaError_t status, const char* doing) {
   if (status == cudaSuccess) return;
+  cudaGetLastError();  // told here, and not once more to whoever asks next on this thread
   throw Refusal(Refusal::Cause::device, "cuda",
                 std::string(doing) + ": " + cudaGetErrorString(status), "a working CUDA device",
                 "use device: cpu, or mend the driver");

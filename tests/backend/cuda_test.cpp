@@ -3,8 +3,10 @@
 // pass.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <cstdlib>
+#include <future>
 #include <set>
 
 #include "sim/refusal.hpp"
@@ -163,6 +165,24 @@ TEST_F(Cuda, EveryWidthOfABlockAgreesWithTheHost) {
     EXPECT_LE(blocks_disagreement(model, scene, tets_per_block, 1), 1e-12) << tets_per_block;
     EXPECT_LE(blocks_disagreement<float>(model, scene, tets_per_block, 1), 1e-6) << tets_per_block;
   }
+}
+
+TEST_F(Cuda, SolversOfSeveralSizesAndThreadsStepSideBySide) {
+  const auto hash_of = [](int cells, int tets_per_block) {
+    const Model model = make_cube(cells);
+    const auto solver = make_on_cuda(
+        model, drop_scene(), {.scheme = Scheme::block_gauss_seidel, .block_tets = tets_per_block});
+    for (int frame = 0; frame < 10; ++frame) solver->advance_frame();
+    return solver->state().hash();
+  };
+  const std::array<std::pair<int, int>, 3> sizes{{{8, 600}, {3, 40}, {5, 200}}};
+  std::vector<std::uint64_t> alone;
+  for (const auto& [cells, tets] : sizes) alone.push_back(hash_of(cells, tets));
+  std::vector<std::future<std::uint64_t>> together;
+  for (const auto& [cells, tets] : sizes) {
+    together.push_back(std::async(std::launch::async, hash_of, cells, tets));
+  }
+  for (std::size_t k = 0; k < sizes.size(); ++k) EXPECT_EQ(together[k].get(), alone[k]);
 }
 
 TEST_F(Cuda, AHeldBarSagsAsOnTheCpu) {
