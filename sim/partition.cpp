@@ -1,7 +1,6 @@
 #include "sim/partition.hpp"
 
 #include <algorithm>
-#include <array>
 #include <numeric>
 
 namespace viscera::sim {
@@ -78,6 +77,7 @@ void SplitVertices::number_copies() {
     vertex_of_.insert(vertex_of_.end(), vertices.begin(), vertices.end());
   }
   block_begin_.push_back(static_cast<int>(vertex_of_.size()));
+  touched_ = again_ = {};
   copies_.resize(vertex_of_.size());
   auto next = copies_begin_;
   for (std::size_t copy = 0; copy < vertex_of_.size(); ++copy) {

@@ -95,25 +95,24 @@ State settled(sim::Solver& solver, const State& start, int halvings = 60) {
   return state;
 }
 
-// Where it hangs still: by quasi-static Newton, or where that takes long by settling.
-State equilibrium(const Model& model) {
-  if (model.tet_count() <= most_tets_for_newton) {
-    sim::SolverOptions newton{.method = sim::Method::fem};
-    newton.fem.time = sim::FemOptions::Time::quasi_static;
-    newton.fem.tolerance = 1e-9;
-    const auto solver = make_on_cpu(model, tissue(1), newton);
-    solver->advance_frame();
-    State state = solver->state();
-    state.step = 0;
-    return state;
-  }
+State by_newton(const Model& model) {
+  sim::SolverOptions newton{.method = sim::Method::fem};
+  newton.fem.time = sim::FemOptions::Time::quasi_static;
+  newton.fem.tolerance = 1e-9;
+  const auto solver = make_on_cpu(model, tissue(1), newton);
+  solver->advance_frame();
+  return solver->state();
+}
+State by_settling(const Model& model) {
   const auto near = make_on_cuda(model, tissue(96), {.scheme = Scheme::block_gauss_seidel});
-  State state = near->state();
-  state = settled(*near, state, 240);
-  state.carried.clear();
   const auto exact =
       make_on_cuda(model, tissue(reference_substeps), {.precision = Precision::fp64});
-  state = settled(*exact, state, 24);
+  return settled(*exact, settled(*near, near->state(), 240), 24);
+}
+// Where it hangs still.
+State equilibrium(const Model& model) {
+  const bool is_small = model.tet_count() <= most_tets_for_newton;
+  State state = is_small ? by_newton(model) : by_settling(model);
   state.step = 0;
   return state;
 }
