@@ -18,19 +18,21 @@ namespace viscera::sim {
 
 inline constexpr std::size_t bank_bytes = 128;  // that shared memory serves at once
 
-// The lanes that sweep, how many elements of an effect a copy of a vertex meets at most, and how
-// many are of one colour. Only the last two decide on results: colours wider than the lanes are
-// cut. Measured (docs/results/cuda.md): where a phase costs its latency, few phases matter, and one
-// warp needs no barrier but its own; where blocks are large it costs its arithmetic.
+// The lanes that sweep, how many elements of an effect a copy of a vertex meets at most, how many
+// are of one colour, and whether elements may be linearised before a sweep. Only the last three
+// decide on results: colours wider than the lanes are cut. Measured (docs/results/cuda.md): where a
+// phase costs its latency, few phases matter, and one warp needs no barrier but its own; where
+// blocks are large it costs its arithmetic.
 inline constexpr int one_warp = 32;
 struct Team {
   int lanes, most_elements;
   int most_in_color = lanes;
+  bool linearizes = true;
 };
 inline Team team_for(int tets_per_block) {
   if (tets_per_block <= 640) return {one_warp, 16};
-  if (tets_per_block <= 2500) return {128, 16};
-  return {512, 24};
+  if (tets_per_block <= 2500) return {128, 16, 128, false};
+  return {512, 24, 512, false};
 }
 
 // An element's vertices, counted from its block's first copy; aligned to be copied at once.
@@ -150,7 +152,7 @@ class BlockLayout {
   }
 
   int block_count() const { return blocks_.count(); }
-  int lanes() const { return team_.lanes; }
+  const Team& team() const { return team_; }
   std::span<const int> copies_of(int vertex) const { return split_.copies_of(vertex); }
   Range copies_in(int block) const { return split_.range_of({block, block + 1}); }
   // Those of vertices with several, here or elsewhere: the first of the block's.
@@ -187,7 +189,8 @@ class BlockLayout {
   }
 
   template <class Effect, class T>
-  BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect) const {
+  BlockElements<Effect, T> lay_out(const Prepared<Effect, T>& effect, const Program<T>& program,
+                                   bool linearizes) const {
     const auto members = members_of(effect);
     std::vector<BlockElements<Effect, T>> blocks(block_count());
     parallel_ranges(blocks.size(), [&](std::size_t begin, std::size_t end) {
@@ -199,7 +202,7 @@ class BlockLayout {
     });
     BlockElements<Effect, T> result;
     for (const auto& block : blocks) result.append_block(block);
-    result.rest = rest_of(effect, result.element_of);
+    result.rest = rest_of(effect, program, result.element_of, linearizes);
     return result;
   }
 
@@ -207,14 +210,13 @@ class BlockLayout {
   // the body, and the step is one that elements evaluated anew bear. `cs` is that of stability.hpp.
   template <class Effect, class T>
   bool linearizes(const Prepared<Effect, T>& effect, const Program<T>& program, double cs) const {
+    if (!team_.linearizes) return false;
     if (cs > cs_limit) return true;
     double softening = 0.0, whole = 0.0;
     if constexpr (is_eliminated<Effect>) {
       for (std::size_t e = 0; e < effect.rest.size(); ++e) {
         T mobility[Effect::arity];
-        for (int i = 0; i < Effect::arity; ++i) {
-          mobility[i] = mobility_of(program, effect.vertices[e][i]);
-        }
+        mobilities(program, effect.vertices[e], mobility);
         const double volume = Effect::volume(effect.rest[e]);
         softening += volume * (1.0 / Effect::relaxation(effect.rest[e], mobility) - 1.0);
         whole += volume;
@@ -225,7 +227,8 @@ class BlockLayout {
 
   // Constant data of the elements in the order that `element_of` has them.
   template <class Effect, class T>
-  auto rest_of(const Prepared<Effect, T>& effect, const std::vector<int>& element_of) const {
+  auto rest_of(const Prepared<Effect, T>& effect, const Program<T>& program,
+               const std::vector<int>& element_of, bool linearizes) const {
     std::vector<AlignedRest<typename Effect::template Rest<T>>> all;
     all.reserve(element_of.size());
     for (const int element : element_of) {
@@ -234,6 +237,11 @@ class BlockLayout {
         std::size_t most = 1;  // copies
         for (const int v : effect.vertices[element]) most = std::max(most, copies_of(v).size());
         Effect::lighten(rest, static_cast<T>(most));
+      }
+      if constexpr (requires { &Effect::template stiffen<T>; }) {
+        T mobility[Effect::arity];
+        mobilities(program, effect.vertices[element], mobility);
+        if (!linearizes) Effect::stiffen(rest, mobility);
       }
     }
     return all;
@@ -245,6 +253,11 @@ class BlockLayout {
   T mobility_of(const Program<T>& program, int vertex) const {
     const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
     return static_cast<T>(copies_of(vertex).size()) * program.inverse_mass[vertex] * dt2;
+  }
+  template <class T, std::size_t arity>
+  void mobilities(const Program<T>& program, const std::array<int, arity>& vertices,
+                  T (&mobility)[arity]) const {
+    for (std::size_t i = 0; i < arity; ++i) mobility[i] = mobility_of(program, vertices[i]);
   }
 
   // How many elements of a block each vertex belongs to.

@@ -103,7 +103,7 @@ class CudaBlocks final : public Ensemble {
     frame_.substeps = program_.substeps;
     frame_.locals = local_count();
     frame_.blocks = layout_.block_count();
-    frame_.team = layout_.lanes();
+    frame_.team = layout_.team().lanes;
     ask_for_the_device();
     graph_ = Graph(stream_, [this] { enqueue_frame(); });
   }
@@ -153,8 +153,9 @@ class CudaBlocks final : public Ensemble {
         auto& views = std::get<i>(host_views_);
         if constexpr (Effect::kind == EffectKind::element) {
           auto& own = std::get<i>(own_)[k];
-          own.set_rest(member, layout_.rest_of(effects[k], own.element_of));
-          own.linearizes[member] = layout_.linearizes(effects[k], program_, cs);
+          const bool linearizes = layout_.linearizes(effects[k], program_, cs);
+          own.linearizes[member] = linearizes;
+          own.set_rest(member, layout_.rest_of(effects[k], program_, own.element_of, linearizes));
           views[member * effects.size() + k] = own.view(member);
         } else if constexpr (requires { effects[k].device; }) {
           views[member * effects.size() + k].device = effects[k].device;
@@ -298,10 +299,11 @@ class CudaBlocks final : public Ensemble {
       if (Effect::kind == EffectKind::contact) frame_.contacts += count;
       if constexpr (Effect::kind == EffectKind::element) {
         for (const auto& effect : effects) {
-          auto elements = layout_.lay_out(effect);
+          const bool linearizes = layout_.linearizes(effect, program_, cs);
+          auto elements = layout_.lay_out(effect, program_, linearizes);
           frame_.most_table += table_size(elements.most_phases());
           auto& own = std::get<i>(own_).emplace_back(std::move(elements), members_);
-          std::ranges::fill(own.linearizes, layout_.linearizes(effect, program_, cs));
+          std::ranges::fill(own.linearizes, linearizes);
         }
       }
     });
@@ -313,13 +315,13 @@ class CudaBlocks final : public Ensemble {
   // A block's shared memory: its vertices and tables; what one effect after the other works in; and
   // behind it, where all of them fit, the constants of the elements.
   void share_out_memory() {
-    const bool small = layout_.lanes() == one_warp;
+    const bool linearizes = layout_.team().linearizes;
     std::size_t linearized = 0, constants = 0;
     int items = 0;  // to be worked on side by side
     for_each_slot<EffectKind::element>(own_, [&]<class Effect>(const auto& own) {
       using Close = CloseConstants<Effect, T>;
       const std::size_t most = own.most_elements;
-      linearized = std::max(linearized, small ? most * work_of_element<Effect, T> : 0);
+      linearized = std::max(linearized, linearizes ? most * work_of_element<Effect, T> : 0);
       constants += round_up(most * Close::bytes, alignment);
       if (is_linearizable<Effect>) items = std::max(items, own.most_elements);
     });
@@ -329,7 +331,7 @@ class CudaBlocks final : public Ensemble {
     frame_.prefetches =
         !close && constants * layout_.block_count() >
                       static_cast<std::size_t>(attribute(cudaDevAttrL2CacheSize)) / 2;
-    frame_.linearizes = small && close;
+    frame_.linearizes = linearizes && close;
     shared_bytes_ = before + (close ? linearized + constants : 0);
     require_room(shared_bytes_, all);
     if (close) {
@@ -341,8 +343,8 @@ class CudaBlocks final : public Ensemble {
     }
     const EffectSet named = named_in(program_);
     const int most = most_threads<T>(named);
-    if (items == 0) items = frame_.most_locals;
-    threads_ = frame_.linearizes ? threads_for(items, frame_.most_shared, most) : most;
+    if (items == 0 || !frame_.linearizes) items = frame_.most_locals;
+    threads_ = std::max(layout_.team().lanes, threads_for(items, frame_.most_shared, most));
     kernel_ = kernel_for<T>(named, threads_);
   }
 

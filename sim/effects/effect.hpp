@@ -23,6 +23,8 @@
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
 //   template <class T> static void lighten(Rest<T>&, T copies)   optional: the element works on
 //       copies of its vertices that have their mass divided by `copies` at most
+//   template <class T> static void stiffen(Rest<T>&, const T (&mobility)[arity])   optional: gives
+//       back what one sweep of block Gauss-Seidel takes from its stiffness
 //   static constexpr bool has_reference = true;   optional: see Evaluation
 //   static constexpr bool needs_rate = true;     optional: no force at equilibrium
 //   static constexpr bool linear_in_motion = true;  optional: over a step the force is linear in d

@@ -41,10 +41,11 @@ class HostBlocks final : public Solver {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::element) {
         for (const auto& effect : std::get<i>(program_.effects)) {
-          auto& own =
-              std::get<i>(own_).emplace_back(new ElementsOf<Effect>{layout_.lay_out(effect), {}});
+          const bool linearizes = linearized && layout_.linearizes(effect, program_, cs);
+          auto& own = std::get<i>(own_).emplace_back(
+              new ElementsOf<Effect>{layout_.lay_out(effect, program_, linearizes), {}});
           own->memory.resize(own->rest.size() * memory_of<Effect>);
-          own->linearizes = linearized && layout_.linearizes(effect, program_, cs);
+          own->linearizes = linearizes;
         }
       }
     });
@@ -110,8 +111,9 @@ class HostBlocks final : public Solver {
         const auto& effects = std::get<i>(program_.effects);
         for (std::size_t k = 0; k < effects.size(); ++k) {
           auto& own = *std::get<i>(own_)[k];
-          std::ranges::copy(layout_.rest_of(effects[k], own.element_of), own.rest.begin());
           own.linearizes = linearized_ && layout_.linearizes(effects[k], program_, cs);
+          std::ranges::copy(layout_.rest_of(effects[k], program_, own.element_of, own.linearizes),
+                            own.rest.begin());
         }
       }
     });
