@@ -176,9 +176,9 @@ struct NeoHookean {
   // over orders, where half of its neighbours' moves have been made, which are minus its own: so it
   // sees half of its own too much, and gives way as if its compliance were 1/k_H + a w |grad C_H|^2
   // with a = 1/2. Shear is held by the preload, which is explicit, and is not softened. gamma
-  // follows, so that the rest shape stays what it is. Derived for this project; measured, the error
-  // at rest is least for a = 0.3 to 0.5, and a half to two thirds of that without
-  // (docs/results/cuda.md).
+  // follows, so that the rest shape stays what it is. Derived for this project; measured, half of
+  // it is best at short steps, an order by colours being no average: blocks hand on mobilities of
+  // that half (block_layout.hpp, docs/results/cuda.md).
   template <class T>
   static void stiffen(Rest<T>& rest, const T (&w)[4]) {
     constexpr T a = T(0.5);
