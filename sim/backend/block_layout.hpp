@@ -35,10 +35,6 @@ inline Team team_for(int tets_per_block) {
   return {512, 24, 512, false};
 }
 
-// Of what a sweep takes from the stiffness by NeoHookean::stiffen's argument: measured, the error
-// at rest is least for 0.4 to 0.6 at short steps and for more at long ones (docs/results/cuda.md).
-inline constexpr double given_back = 0.5;
-
 // An element's vertices, counted from its block's first copy; aligned to be copied at once.
 template <int arity>
 struct alignas(arity > 2 ? 8 : 4) LocalVertices {
@@ -243,10 +239,10 @@ class BlockLayout {
         Effect::lighten(rest, static_cast<T>(most));
       }
       if constexpr (requires { &Effect::template stiffen<T>; }) {
+        if (linearizes) continue;
         T mobility[Effect::arity];
         mobilities(program, effect.vertices[element], mobility);
-        for (T& w : mobility) w *= T(given_back);
-        if (!linearizes) Effect::stiffen(rest, mobility);
+        Effect::stiffen(rest, mobility);
       }
     }
     return all;

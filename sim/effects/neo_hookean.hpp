@@ -177,11 +177,11 @@ struct NeoHookean {
   // sees half of its own too much, and gives way as if its compliance were 1/k_H + a w |grad C_H|^2
   // with a = 1/2. Shear is held by the preload, which is explicit, and is not softened. gamma
   // follows, so that the rest shape stays what it is. Derived for this project; measured, half of
-  // it is best at short steps, an order by colours being no average: blocks hand on mobilities of
-  // that half (block_layout.hpp, docs/results/cuda.md).
+  // it is best at short steps, an order by colours being no average: a = 1/4
+  // (docs/results/cuda.md).
   template <class T>
   static void stiffen(Rest<T>& rest, const T (&w)[4]) {
-    constexpr T a = T(0.5);
+    constexpr T a = T(0.25);
     rest.hydrostatic *= T(1) + a * rest.hydrostatic * give(rest, w);
     rest.mu_over_lambda = rest.deviatoric / rest.hydrostatic;
   }

@@ -29,8 +29,7 @@ using sim::Model, sim::Precision, sim::Scheme, sim::State, sim::Vec3;
 
 constexpr int motion_frames = 30;  // of 1/60 s
 constexpr int reference_substeps = 512;
-constexpr int rest_substeps =
-    256;  // a hundredth of a percent: what is left falls with their square
+constexpr int rest_substeps = 256;  // off by a hundredth of a percent: it falls with their square
 constexpr std::size_t most_tets_for_newton = 60'000;
 
 struct Row {

@@ -106,6 +106,20 @@ TEST(Blocks, AnAverageOfCopiesKeepsMomentum) {
   EXPECT_GT(largest_difference(end, start), 1e-3);
 }
 
+// A bar that is held at one end, and Newton's equilibrium.
+struct HangingBar {
+  Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
+  Scene scene = hanging_scene();
+  State equilibrium;
+
+  HangingBar() {
+    scene.time.substeps = 20;
+    SolverOptions newton{.method = Method::fem};
+    newton.fem.time = FemOptions::Time::quasi_static;
+    equilibrium = after(*make_on_cpu(model, scene, newton), 1);
+  }
+};
+
 // Where a hanging bar comes to rest, rms from Newton's equilibrium on the same mesh over the sag's.
 double error_at_rest(Solver& solver, const State& equilibrium) {
   solver.set_state(equilibrium);
@@ -129,12 +143,7 @@ double error_at_rest(Solver& solver, const State& equilibrium) {
 // The stress between blocks is carried by their copies. Torn apart and averaged in every substep,
 // they would rest three times as far off as colours do.
 TEST(Blocks, ABodyRestsWhereItsStressIsInEquilibrium) {
-  const Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
-  Scene scene = hanging_scene();
-  scene.time.substeps = 20;
-  SolverOptions newton{.method = Method::fem};
-  newton.fem.time = FemOptions::Time::quasi_static;
-  const State equilibrium = after(*make_on_cpu(model, scene, newton), 1);
+  const auto [model, scene, equilibrium] = HangingBar();
   HostBlocks<double> linearised(model, scene, tets_per_block, true);
   HostBlocks<double> direct(model, scene, tets_per_block, false);
   const SolverOptions in_colours{.precision = Precision::fp64};
@@ -151,15 +160,10 @@ TEST(Blocks, ABodyRestsWhereItsStressIsInEquilibrium) {
 // What one sweep takes from the stiffness against a change of volume, elements that are evaluated
 // anew are given back: in one block, which is Gauss-Seidel, they rest nearer than in colours.
 TEST(Blocks, WhatASweepTakesFromTheStiffnessIsGivenBack) {
-  const Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
-  Scene scene = hanging_scene();
-  scene.time.substeps = 20;
-  SolverOptions newton{.method = Method::fem};
-  newton.fem.time = FemOptions::Time::quasi_static;
-  const State equilibrium = after(*make_on_cpu(model, scene, newton), 1);
-  HostBlocks<double> given_back(model, scene, 1000000, false);
+  const auto [model, scene, equilibrium] = HangingBar();
+  HostBlocks<double> stiffened(model, scene, 1000000, false);
   const auto colours = make_on_cpu(model, scene, {.precision = Precision::fp64});
-  const double with = error_at_rest(given_back, equilibrium);
+  const double with = error_at_rest(stiffened, equilibrium);
   const double without = error_at_rest(*colours, equilibrium);
   EXPECT_LE(with, 0.7 * without);
 }
@@ -238,7 +242,7 @@ void stiffen(Model& model, double dt) {
   for (std::size_t tet = 0; tet < model.tet_count(); ++tet) {
     auto rest = NeoHookean::rest<double>(model, tets, tet, {}, dt);
     double mobility[4];
-    for (int i = 0; i < 4; ++i) mobility[i] = given_back * dt * dt / model.mass[model.tets[tet][i]];
+    for (int i = 0; i < 4; ++i) mobility[i] = dt * dt / model.mass[model.tets[tet][i]];
     NeoHookean::stiffen(rest, mobility);
     // neo_hookean_lambda() / mu = 1 + 2 nu / (1 - 2 nu) = 1 / (1 - 2 nu)
     Material& material = own.emplace_back(model.material(tet));
