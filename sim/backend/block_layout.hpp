@@ -6,6 +6,7 @@
 #include <climits>
 #include <map>
 
+#include "sim/backend/banks.hpp"
 #include "sim/coloring.hpp"
 #include "sim/parallel.hpp"
 #include "sim/partition.hpp"
@@ -32,7 +33,7 @@ struct Team {
 inline Team team_for(int tets_per_block) {
   if (tets_per_block <= 640) return {one_warp, 16};
   if (tets_per_block <= 2500) return {128, 16, 128, false};
-  return {512, 24, 512, false};
+  return {512, 20, 512, false};
 }
 
 // An element's vertices, counted from its block's first copy; aligned to be copied at once.
@@ -48,13 +49,36 @@ struct alignas(16) AlignedRest {
   Rest rest;
 };
 
+// Which elements of the program stand one after the other, and how each counts its vertices.
+template <int arity>
+struct Placement {
+  std::vector<int> element_of;
+  std::vector<Roles<arity>> roles;
+};
+
+// Whether an element knows its vertices by the gradients of their shape functions only, the rows of
+// rest_inverse: then it may count them in any order.
+template <class Rest>
+concept is_renumberable = requires(Rest rest) {
+  rest.rest_inverse;
+};
+
+// Such an element with its vertices in other roles.
+template <class T>
+Mat3<T> renumbered(const Mat3<T>& rest_inverse, const Roles<4>& roles) {
+  const Mat3<T> rows = transpose(rest_inverse);
+  const auto& [b1, b2, b3] = rows.col;
+  const Vec3<T> gradients[4] = {-(b1 + b2 + b3), b1, b2, b3};
+  return transpose(Mat3<T>{{gradients[roles[1]], gradients[roles[2]], gradients[roles[3]]}});
+}
+
 // The elements of one effect, block by block, within a block phase by phase. The elements of a
 // phase share no vertex and are no more than the lanes.
 template <class Effect, class T>
-struct BlockElements {
+struct BlockElements : Placement<Effect::arity> {
+  using Placement<Effect::arity>::element_of, Placement<Effect::arity>::roles;
   std::vector<LocalVertices<Effect::arity>> vertices;
   std::vector<AlignedRest<typename Effect::template Rest<T>>> rest;
-  std::vector<int> element_of;         // in the order of the program
   std::vector<int> phase_begin = {0};  // [phases + 1] first element
   std::vector<int> block_phase = {0};  // [blocks + 1] first phase
 
@@ -69,6 +93,7 @@ struct BlockElements {
     const int first = element_count();
     vertices.insert(vertices.end(), block.vertices.begin(), block.vertices.end());
     element_of.insert(element_of.end(), block.element_of.begin(), block.element_of.end());
+    roles.insert(roles.end(), block.roles.begin(), block.roles.end());
     for (std::size_t phase = 1; phase < block.phase_begin.size(); ++phase) {
       phase_begin.push_back(first + block.phase_begin[phase]);
     }
@@ -202,7 +227,7 @@ class BlockLayout {
     });
     BlockElements<Effect, T> result;
     for (const auto& block : blocks) result.append_block(block);
-    result.rest = rest_of(effect, program, result.element_of, linearizes);
+    result.rest = rest_of(effect, program, result, linearizes);
     return result;
   }
 
@@ -225,13 +250,14 @@ class BlockLayout {
     return softening <= most_softening * whole;
   }
 
-  // Constant data of the elements in the order that `element_of` has them.
+  // Constant data of the elements as they are placed.
   template <class Effect, class T>
   auto rest_of(const Prepared<Effect, T>& effect, const Program<T>& program,
-               const std::vector<int>& element_of, bool linearizes) const {
+               const Placement<Effect::arity>& placed, bool linearizes) const {
     std::vector<AlignedRest<typename Effect::template Rest<T>>> all;
-    all.reserve(element_of.size());
-    for (const int element : element_of) {
+    all.reserve(placed.element_of.size());
+    for (std::size_t at = 0; at < placed.element_of.size(); ++at) {
+      const int element = placed.element_of[at];
       auto& rest = all.emplace_back(effect.rest[element]).rest;
       if constexpr (requires { Effect::lighten(rest, T(1)); }) {
         std::size_t most = 1;  // copies
@@ -239,10 +265,14 @@ class BlockLayout {
         Effect::lighten(rest, static_cast<T>(most));
       }
       if constexpr (requires { &Effect::template stiffen<T>; }) {
-        if (linearizes) continue;
-        T mobility[Effect::arity];
-        mobilities(program, effect.vertices[element], mobility);
-        Effect::stiffen(rest, mobility);
+        if (!linearizes) {
+          T mobility[Effect::arity];
+          mobilities(program, effect.vertices[element], mobility);
+          Effect::stiffen(rest, mobility);
+        }
+      }
+      if constexpr (is_renumberable<typename Effect::template Rest<T>>) {
+        rest.rest_inverse = renumbered(rest.rest_inverse, placed.roles[at]);
       }
     }
     return all;
@@ -303,58 +333,27 @@ class BlockLayout {
         v = split_.copy_of(block, v) + part - copies.begin;
       }
     }
-    Coloring coloring = color_by_saturation<arity>(std::span<const std::array<int, arity>>(local),
-                                                   copies.end - copies.begin, team_.most_in_color);
+    Coloring coloring = color_with_few<arity>(std::span<const std::array<int, arity>>(local),
+                                              copies.end - copies.begin, team_.most_in_color);
+    const Banks<arity> banks(local, bank_bytes / static_cast<int>(sizeof(Row<T>)));
     for (int color = 0; color < coloring.color_count(); ++color) {
-      const int color_size = coloring.color_begin[color + 1] - coloring.color_begin[color];
-      spread_over_banks<arity>(
-          std::span(coloring.order).subspan(coloring.color_begin[color], color_size), local,
-          static_cast<int>(bank_bytes / sizeof(Row<T>)));
-      for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
+      const auto of_color = coloring.of_color(color);
+      banks.balance(of_color);
+      std::vector<Roles<arity>> roles(of_color.size(), in_order<arity>());
+      if constexpr (is_renumberable<typename Effect::template Rest<T>>) {
+        banks.share_out(of_color, roles);
+      }
+      for (std::size_t at = 0; at < of_color.size(); ++at) {
         if (to.elements_in_phase() == team_.lanes) to.end_phase();
-        const int e = coloring.order[at];
+        const int e = of_color[at];
         to.element_of.push_back(members[e]);
+        to.roles.push_back(roles[at]);
         auto& vertices = to.vertices.emplace_back();
-        for (int i = 0; i < arity; ++i) vertices.index[i] = static_cast<std::uint16_t>(local[e][i]);
+        for (int i = 0; i < arity; ++i) {
+          vertices.index[i] = static_cast<std::uint16_t>(local[e][roles[at][i]]);
+        }
       }
       to.end_phase();
-    }
-  }
-
-  // Lanes whose loads are served at once, `lanes` of them, are to load from different banks of
-  // shared memory: as many turns are taken as the fullest bank has loads. One element after the
-  // other is chosen: of the next few the one that adds fewest turns, then one that meets fewest.
-  template <int arity>
-  static void spread_over_banks(std::span<int> order,
-                                std::span<const std::array<int, arity>> vertices, int lanes) {
-    constexpr std::size_t looked_at = 256;
-    constexpr int a_turn = 64;
-    struct Served {
-      std::array<std::uint8_t, bank_bytes / 4> loads{};  // of each bank
-      std::uint8_t turns = 0;
-    };
-    std::array<Served, arity> served{};
-    for (std::size_t at = 0; at < order.size(); ++at) {
-      if (at % lanes == 0) served = {};
-      const auto bank = [&](std::size_t k, int i) { return vertices[order[k]][i] % lanes; };
-      std::size_t best = at;
-      int least = INT_MAX;
-      for (std::size_t k = at; k < std::min(order.size(), at + looked_at) && least > 0; ++k) {
-        int cost = 0;
-        for (int i = 0; i < arity; ++i) {
-          const int met = served[i].loads[bank(k, i)];
-          cost += met + (met > 0 && met == served[i].turns ? a_turn : 0);
-        }
-        if (cost < least) {
-          least = cost;
-          best = k;
-        }
-      }
-      for (int i = 0; i < arity; ++i) {
-        const auto met = ++served[i].loads[bank(best, i)];
-        served[i].turns = std::max(served[i].turns, met);
-      }
-      std::swap(order[at], order[best]);
     }
   }
 

@@ -24,9 +24,9 @@ int attribute(cudaDeviceAttr which) {
 
 // What one element effect keeps on the device.
 template <class Effect, class T>
-struct DeviceElements {
+struct DeviceElements : Placement<Effect::arity> {
   using Rest = AlignedRest<typename Effect::template Rest<T>>;
-  std::vector<int> element_of;
+  using Placement<Effect::arity>::element_of;
   DeviceArray<LocalVertices<Effect::arity>> vertices;
   DeviceArray<Rest> rest;
   std::vector<DeviceArray<Rest>> own_rest;  // [members], empty where it is `rest`
@@ -38,7 +38,7 @@ struct DeviceElements {
   int close = -1;  // where blocks keep constants close, bytes; -1: nowhere
 
   DeviceElements(BlockElements<Effect, T>&& host, int members)
-      : element_of(std::move(host.element_of)),
+      : Placement<Effect::arity>(std::move(host)),
         vertices(host.vertices),
         rest(host.rest),
         own_rest(members),
@@ -155,7 +155,7 @@ class CudaBlocks final : public Ensemble {
           auto& own = std::get<i>(own_)[k];
           const bool linearizes = layout_.linearizes(effects[k], program_, cs);
           own.linearizes[member] = linearizes;
-          own.set_rest(member, layout_.rest_of(effects[k], program_, own.element_of, linearizes));
+          own.set_rest(member, layout_.rest_of(effects[k], program_, own, linearizes));
           views[member * effects.size() + k] = own.view(member);
         } else if constexpr (requires { effects[k].device; }) {
           views[member * effects.size() + k].device = effects[k].device;
@@ -329,7 +329,7 @@ class CudaBlocks final : public Ensemble {
     const std::size_t before = BlockMemory<T>::bytes(frame_);
     const bool close = before + linearized + constants <= all;
     frame_.prefetches =
-        !close && constants * layout_.block_count() >
+        !close && constants * layout_.block_count() * members_ >
                       static_cast<std::size_t>(attribute(cudaDevAttrL2CacheSize)) / 2;
     frame_.linearizes = linearizes && close;
     shared_bytes_ = before + (close ? linearized + constants : 0);

@@ -14,6 +14,7 @@
 // C_H + lambda0_H/k_H = det F - 1. Derived for this project; single precision drifts 30 times less.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "sim/effects/effect.hpp"
@@ -175,14 +176,14 @@ struct NeoHookean {
   // gravity, without strain. An element is solved where it has moved itself and, on the average
   // over orders, where half of its neighbours' moves have been made, which are minus its own: so it
   // sees half of its own too much, and gives way as if its compliance were 1/k_H + a w |grad C_H|^2
-  // with a = 1/2. Shear is held by the preload, which is explicit, and is not softened. gamma
-  // follows, so that the rest shape stays what it is. Derived for this project; measured, half of
-  // it is best at short steps, an order by colours being no average: a = 1/4
-  // (docs/results/cuda.md).
+  // with a = 1/2. So that much is taken from 1/k_H, as far as it becomes `most` times as stiff.
+  // Shear is held by the preload, which is explicit, and is not softened. gamma follows, so that
+  // the rest shape stays what it is. Derived for this project; measured, half of it is best at
+  // short steps, an order by colours being no average: a = 1/4 (docs/results/cuda.md).
   template <class T>
   static void stiffen(Rest<T>& rest, const T (&w)[4]) {
-    constexpr T a = T(0.25);
-    rest.hydrostatic *= T(1) + a * rest.hydrostatic * give(rest, w);
+    constexpr T a = T(0.25), most = T(5);
+    rest.hydrostatic /= std::max(T(1) - a * rest.hydrostatic * give(rest, w), T(1) / most);
     rest.mu_over_lambda = rest.deviatoric / rest.hydrostatic;
   }
 

@@ -112,7 +112,7 @@ class HostBlocks final : public Solver {
         for (std::size_t k = 0; k < effects.size(); ++k) {
           auto& own = *std::get<i>(own_)[k];
           own.linearizes = linearized_ && layout_.linearizes(effects[k], program_, cs);
-          std::ranges::copy(layout_.rest_of(effects[k], program_, own.element_of, own.linearizes),
+          std::ranges::copy(layout_.rest_of(effects[k], program_, own, own.linearizes),
                             own.rest.begin());
         }
       }

@@ -41,8 +41,9 @@ struct Row {
 std::vector<Row> rows() {
   std::vector<Row> all;
   for (const int substeps : {32, 64}) all.push_back({"gauss_seidel", {}, substeps});
-  for (const int substeps : {14, 15, 16, 17, 18, 20, 21, 22, 24, 26, 27, 28, 30, 32, 34,
-                             36, 37, 38, 39, 40, 42, 44, 48, 52, 56, 60, 64, 72, 80, 96}) {
+  for (const int substeps :
+       {14, 15, 16, 17, 18, 20, 21, 22, 24, 26, 27, 28, 30, 32, 34, 36,  37, 38,
+        39, 40, 42, 43, 44, 48, 52, 56, 60, 64, 66, 68, 72, 80, 96, 112, 128}) {
     all.push_back({"block_gauss_seidel", {.scheme = Scheme::block_gauss_seidel}, substeps});
   }
   return all;

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <numeric>
+#include <random>
+#include <ranges>
 #include <set>
 
 #include "sim/diagnostics.hpp"
@@ -67,11 +69,73 @@ TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
           const int copy = elements.vertices[e][i];
           EXPECT_TRUE(in_phase.insert(copy).second);
           EXPECT_LE(++met[copy], most_elements);
-          EXPECT_EQ(vertex_of.at(copy), model.tets[elements.element_of[e]][i]);
+          EXPECT_EQ(vertex_of.at(copy), model.tets[elements.element_of[e]][elements.roles[e][i]]);
         }
       }
     }
   }
+}
+
+// How long a group's loads take, one role after the other: as many turns as the fullest bank has
+// rows.
+int turns_of(std::span<const std::array<int, 4>> group) {
+  int turns = 0;
+  for (int i = 0; i < 4; ++i) {
+    std::array<int, 8> wanted{};
+    for (const auto& rows : group) ++wanted[rows[i] % 8];
+    turns += *std::ranges::max_element(wanted);
+  }
+  return turns;
+}
+
+// Eight lanes that want four rows of every bank, in some order: four turns are enough.
+TEST(Banks, LanesWaitForNoOtherWhereTheyNeedNot) {
+  std::mt19937 random(7);
+  for (int trial = 0; trial < 200; ++trial) {
+    std::vector<int> rows(32);
+    std::iota(rows.begin(), rows.end(), 0);
+    std::ranges::shuffle(rows, random);
+    std::vector<std::array<int, 4>> group(8);
+    for (int k = 0; k < 32; ++k) group[k / 4][k % 4] = rows[k];
+    const std::vector<int> order = {0, 1, 2, 3, 4, 5, 6, 7};
+    std::vector<Roles<4>> roles(8);
+    Banks<4>(group, 8).share_out(order, roles);
+    std::vector<std::array<int, 4>> in_turns(8);
+    for (int lane = 0; lane < 8; ++lane) {
+      EXPECT_TRUE(std::ranges::is_permutation(roles[lane], in_order<4>()));
+      for (int i = 0; i < 4; ++i) in_turns[lane][i] = group[lane][roles[lane][i]];
+    }
+    EXPECT_EQ(turns_of(in_turns), 4);
+  }
+}
+
+// Random elements take twice as many turns as they must; chosen and counted for it, 1.3 times.
+TEST(Banks, ElementsThatLoadAtOnceWantRowsOfAllBanks) {
+  std::mt19937 random(7);
+  std::vector<std::array<int, 4>> elements(128);
+  for (auto& rows : elements) {
+    for (int& row : rows) row = static_cast<int>(random() % 1024);
+  }
+  std::vector<int> order(elements.size());
+  std::iota(order.begin(), order.end(), 0);
+  const Banks<4> banks(elements, 8);
+  banks.balance(order);
+  std::vector<Roles<4>> roles(order.size());
+  banks.share_out(order, roles);
+  int turns = 0, before = 0;
+  for (std::size_t at = 0; at < order.size(); at += 8) {
+    std::array<std::array<int, 4>, 8> group;
+    for (int lane = 0; lane < 8; ++lane) {
+      for (int i = 0; i < 4; ++i) {
+        group[lane][i] = elements[order[at + lane]][roles[at + lane][i]];
+      }
+    }
+    turns += turns_of(group);
+    before += turns_of(std::span(elements).subspan(at, 8));
+  }
+  EXPECT_TRUE(std::ranges::is_permutation(order, std::views::iota(0, 128)));
+  EXPECT_LE(turns, 1.3 * 4 * 16);
+  EXPECT_GE(before, 2.0 * 4 * 16);
 }
 
 TEST(BlockLayout, AVertexWithoutElementsHasACopy) {

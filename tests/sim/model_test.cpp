@@ -67,28 +67,64 @@ TEST(Model, ImpossibleMaterialsAreRefusedWithTheFieldNamed) {
   EXPECT_EQ(refused([](Material& m) { m.damping = -1.0; }), "material of label 1, damping");
 }
 
-RC_GTEST_PROP(Coloring, NoTwoElementsOfAColorShareAVertex, ()) {
-  const int vertices = *rc::gen::inRange(4, 60);
-  const auto elements = *rc::gen::container<std::vector<Tet>>(rc::gen::exec([vertices] {
+std::vector<Tet> any_tets(int vertices) {
+  return *rc::gen::container<std::vector<Tet>>(rc::gen::exec([vertices] {
     Tet tet{};
     const auto picked = *rc::gen::unique<std::vector<int>>(4, rc::gen::inRange(0, vertices));
     std::copy(picked.begin(), picked.end(), tet.begin());
     return tet;
   }));
-  const Coloring coloring = color_elements<4>(std::span<const Tet>(elements), vertices);
+}
+// Every element has one colour, and none shares a vertex with another of its colour.
+void expect_proper(Coloring coloring, const std::vector<Tet>& elements, int vertices) {
   RC_ASSERT(coloring.order.size() == elements.size());
   std::vector<int> times(elements.size(), 0);
   for (int color = 0; color < coloring.color_count(); ++color) {
     std::vector<char> seen(vertices, 0);
-    for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
-      ++times[coloring.order[at]];
-      for (const int v : elements[coloring.order[at]]) {
+    for (const int e : coloring.of_color(color)) {
+      ++times[e];
+      for (const int v : elements[e]) {
         RC_ASSERT(!seen[v]);
         seen[v] = 1;
       }
     }
   }
   for (const int count : times) RC_ASSERT(count == 1);
+}
+
+RC_GTEST_PROP(Coloring, NoTwoElementsOfAColorShareAVertex, ()) {
+  const int vertices = *rc::gen::inRange(4, 60);
+  const auto elements = any_tets(vertices);
+  expect_proper(color_elements<4>(std::span<const Tet>(elements), vertices), elements, vertices);
+}
+
+RC_GTEST_PROP(Coloring, FewerColorsAreProperAndNoneIsFullerThanAllowed, ()) {
+  const int vertices = *rc::gen::inRange(4, 60), most = *rc::gen::inRange(1, 20);
+  const auto elements = any_tets(vertices);
+  const std::span<const Tet> all(elements);
+  Coloring coloring = color_with_few<4>(all, vertices, most);
+  expect_proper(coloring, elements, vertices);
+  for (int color = 0; color < coloring.color_count(); ++color) {
+    RC_ASSERT(static_cast<int>(coloring.of_color(color).size()) <= most);
+  }
+  const auto by_saturation = color_by_saturation<4>(all, vertices, most);
+  if (!elements.empty()) {
+    RC_ASSERT(coloring.color_count() <= *std::ranges::max_element(by_saturation) + 1);
+  }
+}
+
+// Of this cube a vertex has 24 tets, so that fewer colours are not to be had; by saturation it
+// takes two more.
+TEST(Coloring, AboutAsFewAsTheBusiestVertexHasElements) {
+  const Model model = make_cube(5);
+  const auto vertices = static_cast<std::size_t>(model.vertex_count());
+  const std::span<const Tet> tets(model.tets);
+  std::vector<int> met(vertices);
+  for (const Tet& tet : tets) {
+    for (const int v : tet) ++met[v];
+  }
+  const Coloring coloring = color_with_few<4>(tets, vertices, 1000);
+  EXPECT_LE(coloring.color_count(), *std::ranges::max_element(met) + 1);
 }
 
 TEST(Start, ACollapsedForeignOrBrokenStateIsRefusedAndAFlatOneIsNot) {
