@@ -20,27 +20,36 @@ namespace viscera::sim {
 inline constexpr std::size_t bank_bytes = 128;  // that shared memory serves at once
 
 // The lanes that sweep, how many elements of an effect a copy of a vertex meets at most, how many
-// are of one colour, and whether elements may be linearised before a sweep. Only the last three
-// decide on results: colours wider than the lanes are cut. Measured (docs/results/cuda.md): where a
-// phase costs its latency, few phases matter, and one warp needs no barrier but its own; where
-// blocks are large it costs its arithmetic.
+// are of one colour, whether elements may be linearised before a sweep, and whether the block is
+// the whole body. Only the middle three decide on results: colours wider than the lanes are cut.
+// Measured (docs/results/cuda.md): where a phase costs its latency, few phases matter, and one warp
+// needs no barrier but its own; where blocks are large it costs its arithmetic. In a whole body a
+// vertex is split only where it meets more elements than there are phases anyway.
 inline constexpr int one_warp = 32;
 struct Team {
   int lanes, most_elements;
   int most_in_color = lanes;
   bool linearizes = true;
+  bool whole = false;
 };
-inline Team team_for(int tets_per_block) {
+inline Team team_for(int tets_per_block, int tets) {
   if (tets_per_block <= 640) return {one_warp, 16};
   if (tets_per_block <= 2500) return {128, 16, 128, false};
+  constexpr int lanes = 256, least = 20;
+  const bool whole = tets_per_block >= tets;
+  if (whole) return {lanes, std::max(least, (tets + lanes - 1) / lanes), lanes, false, whole};
   return {512, 20, 512, false};
 }
 
 // An element's vertices, counted from its block's first copy; aligned to be copied at once.
 template <int arity>
 struct alignas(arity > 2 ? 8 : 4) LocalVertices {
-  std::uint16_t index[arity];
-  SIM_HD int operator[](int i) const { return index[i]; }
+  static constexpr int bits = 16;
+  std::uint32_t pairs[(arity + 1) / 2] = {};  // taken apart where they are used, not where loaded
+  SIM_HD int operator[](int i) const {
+    return static_cast<int>(pairs[i / 2] >> (i % 2 * bits) & 0xffffu);
+  }
+  void set(int i, int copy) { pairs[i / 2] |= static_cast<std::uint32_t>(copy) << (i % 2 * bits); }
 };
 
 // Constant data of an element, likewise.
@@ -350,7 +359,7 @@ class BlockLayout {
         to.roles.push_back(roles[at]);
         auto& vertices = to.vertices.emplace_back();
         for (int i = 0; i < arity; ++i) {
-          vertices.index[i] = static_cast<std::uint16_t>(local[e][roles[at][i]]);
+          vertices.set(i, local[e][roles[at][i]]);
         }
       }
       to.end_phase();

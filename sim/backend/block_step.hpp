@@ -4,6 +4,7 @@
 #pragma once
 
 #include "sim/backend/block_layout.hpp"
+#include "sim/backend/planes.hpp"
 #include "sim/row.hpp"
 #include "sim/solvers/linearized.hpp"
 
@@ -20,7 +21,7 @@ struct BlockView<Effect, T, EffectKind::element> {
   using Rest = AlignedRest<typename Effect::template Rest<T>>;
   // From the block's first element on.
   const Local* vertices;
-  const Rest* rest;
+  PlanesView<Rest> rest;
   T* memory;
   const int* phase_begin;  // [phases + 1] first element
   int phases;
@@ -39,7 +40,7 @@ template <class Effect, class T>
 struct EffectView<Effect, T, EffectKind::element> {
   using Block = BlockView<Effect, T>;
   const typename Block::Local* vertices;
-  const typename Block::Rest* rest;
+  PlanesView<typename Block::Rest> rest;
   T* memory;
   const int* phase_begin;
   const int* block_phase;  // [blocks + 1] first phase
@@ -66,7 +67,7 @@ SIM_HD int* view_of_block(const EffectView<Effect, T>& all, int block, int lane,
     }
     if (lane == 0) {
       T* const memory = all.memory + static_cast<std::size_t>(first) * memory_of<Effect>;
-      view = {all.vertices + first, all.rest + first, memory, table, phases, all.close,
+      view = {all.vertices + first, all.rest.from(first), memory, table, phases, all.close,
               all.linearizes};
     }
     return table + phases + phases_ahead;
@@ -156,18 +157,19 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
                         int i, const VertexNow<T>& now) {
   const auto [u, w] = now.u;
   const T dt = scene.dt;
-  const Vec3<T> rest = x.rest[i];
   Vec3<T> d = begin_vertex(w, now.v, dt);
   for_each_view<EffectKind::force, set>(scene, [&]<class Effect>(const auto& view, int) {
-    if (w > T(0)) d += (dt * dt) * Effect::acceleration(view.device, rest, u, now.v);
+    if (w > T(0)) d += (dt * dt) * Effect::acceleration(view.device, x.rest[i], u, now.v);
   });
   if (x.leader) {
     for_each_view<EffectKind::motion, set>(scene, [&]<class Effect>(const auto& view, int k) {
-      if (x.leader[i] == k) d = Effect::target(view.device, rest, static_cast<T>(step.time)) - u;
+      if (x.leader[i] == k)
+        d = Effect::target(view.device, x.rest[i], static_cast<T>(step.time)) - u;
     });
   }
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto& view, int k) {
-    const Vec3<T> correction = w > T(0) ? Effect::push(view.device, step, rest, u, d) : Vec3<T>{};
+    const Vec3<T> correction =
+        w > T(0) ? Effect::push(view.device, step, x.rest[i], u, d) : Vec3<T>{};
     x.corrections[k * x.count + i] = correction;
     d += correction;
   });
@@ -215,13 +217,14 @@ SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const 
   now.for_each_copy([&](int copy) { x.u[copy] = now.u; });
 }
 
-// Displacements of an element's vertices, with their mobilities.
+// Displacements of an element's vertices, with their mobilities, from the rows of all copies.
 template <class T, int arity>
 struct Rows {
   Row<T> row[arity];
 
-  SIM_HD Rows(const BlockVertices<T>& x, const LocalVertices<arity>& vertices) {
-    for (int i = 0; i < arity; ++i) row[i] = x.d[vertices[i]];
+  Rows() = default;
+  SIM_HD Rows(const Row<T>* rows, const LocalVertices<arity>& vertices) {
+    for (int i = 0; i < arity; ++i) row[i] = rows[vertices[i]];
   }
   SIM_HD void split(Vec3<T> (&d)[arity], T (&mobility)[arity]) const {
     for (int i = 0; i < arity; ++i) {
@@ -283,7 +286,7 @@ SIM_HD void linearize_element(const BlockVertices<T>& x,
   Vec3<T> u[arity], d[arity];
   T mobility[arity];
   displacements_at_start(x, vertices, u);
-  Rows<T, arity>(x, vertices).split(d, mobility);
+  Rows<T, arity>(x.d, vertices).split(d, mobility);
   linearize<Effect>(rest, mobility, u, d, memory, out.content.linearized);
   out.content.vertices = vertices;
 }

@@ -55,8 +55,13 @@ struct Frame {
   int most_locals, most_shared, most_copies, most_carried, most_gathered, most_table;  // of a block
   int team;         // lanes that sweep
   bool linearizes;  // elements before a sweep, side by side: where a phase costs its latency
-  bool prefetches;  // the elements' constants: more than the device's cache holds
+  bool whole;       // a block is a whole body
 };
+
+template <class Count>
+__host__ __device__ constexpr Count round_up(Count count, Count unit) {
+  return (count + unit - 1) / unit * unit;
+}
 
 // Where a pointer leads: what the compiler knows it loads by shorter instructions.
 template <class Item>
@@ -89,22 +94,14 @@ struct Constants {
   using Rest = typename BlockView<Effect, T>::Rest;
   using Local = typename BlockView<Effect, T>::Local;
   static constexpr std::size_t bytes = sizeof(Rest) + sizeof(Local);
-  const Rest* rest;
+  std::conditional_t<close, const Rest*, PlanesView<Rest>> rest;
   const Local* vertices;
-  bool prefetches = false;  // into the cache, one phase further ahead
 
-  __device__ void prefetch(int e) const {
-    if constexpr (!close) {
-      if (!prefetches) return;
-      asm volatile("prefetch.global.L1 [%0];" ::"l"(rest + e));
-      asm volatile("prefetch.global.L1 [%0];" ::"l"(vertices + e));
-    }
-  }
   __device__ Rest rest_of(int e) const {
     if constexpr (close) {
       return rest[e];
     } else {
-      return in_global(rest)[e];
+      return rest.assembled([e](const Piece* plane) { return in_global(plane)[e]; });
     }
   }
   __device__ Local vertices_of(int e) const {
@@ -139,6 +136,30 @@ __device__ void bring_close(const BlockView<Effect, T>& view, WorkSpace work) {
   }
 }
 
+// Reads a row in shared memory where this stands: the compiler would put it off into the branch of
+// the lanes that need it, behind what these wait for before.
+__device__ inline Row<float> read_now(const Row<float>* row) {
+  Row<float> now;
+  asm volatile("ld.shared.v4.f32 {%0, %1, %2, %3}, [%4];"
+               : "=f"(now.v.x), "=f"(now.v.y), "=f"(now.v.z), "=f"(now.w)
+               : "r"(static_cast<unsigned>(__cvta_generic_to_shared(row)))
+               : "memory");
+  return now;
+}
+__device__ inline Row<double> read_now(const Row<double>* row) {
+  Row<double> now;
+  const auto at = static_cast<unsigned>(__cvta_generic_to_shared(row));
+  asm volatile("ld.shared.v2.f64 {%0, %1}, [%2];"
+               : "=d"(now.v.x), "=d"(now.v.y)
+               : "r"(at)
+               : "memory");
+  asm volatile("ld.shared.v2.f64 {%0, %1}, [%2];"
+               : "=d"(now.v.z), "=d"(now.w)
+               : "r"(at + 16)
+               : "memory");
+  return now;
+}
+
 // Elements that were linearised, in shared memory.
 template <class Effect, class T>
 struct LinearizedWork {
@@ -148,9 +169,8 @@ struct LinearizedWork {
   const Item* elements;
 
   __device__ Item fetch(int e) const { return elements[e]; }
-  __device__ void prefetch(int) const {}
   __device__ void look_ahead(Item&) const {}
-  __device__ Rows gather(const Item& item) const { return {x, item.content.vertices}; }
+  __device__ Rows gather(const Item& item, bool) const { return {x.d, item.content.vertices}; }
   __device__ void solve(const Item& item, const Rows& rows, bool active) const {
     solve_linearized(x, item, rows, active);
   }
@@ -174,9 +194,14 @@ struct DirectWork {
   __device__ Item fetch(int e) const {
     return {constants.rest_of(e), constants.vertices_of(e), {}, e};
   }
-  __device__ void prefetch(int e) const { constants.prefetch(e); }
   __device__ void look_ahead(Item& item) const { displacements_at_start(x, item.vertices, item.u); }
-  __device__ Rows gather(const Item& item) const { return {x, item.vertices}; }
+  // A lane without an element reads what no other writes meanwhile.
+  __device__ Rows gather(const Item& item, bool active) const {
+    const Row<T>* const rows = active ? x.d : x.u;
+    Rows gathered;
+    for (int i = 0; i < Effect::arity; ++i) gathered.row[i] = read_now(rows + item.vertices[i]);
+    return gathered;
+  }
   __device__ void solve(const Item& item, const Rows& rows, bool active) const {
     if (!active) return;
     solve_element<Effect>(x, item.vertices, item.rest.rest,
@@ -198,12 +223,11 @@ __device__ void sweep(const Work& work, const int* bounds, int phases, int team)
   bool even_active = lane < end, odd_active = false;
   const auto solve = [&](const typename Work::Item& item, bool active, typename Work::Item& next,
                          bool& next_active, int phase) {
-    const auto rows = work.gather(item);
+    const auto rows = work.gather(item, active);
     next = work.fetch(min(end + lane, next_end - 1));
     next_active = end + lane < next_end;
     end = next_end;
     next_end = bounds[phase + 3];
-    work.prefetch(min(end + lane, next_end - 1));
     work.solve(item, rows, active);
     work.look_ahead(next);
     if constexpr (one_warp_sweeps) {
@@ -241,12 +265,12 @@ __device__ void linearize_elements(const BlockVertices<T>& x,
 
 template <class Effect, class T>
 __device__ void sweep_effect(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int team,
-                             bool linearizes, bool prefetches, WorkSpace work) {
+                             bool linearizes, WorkSpace work) {
   const int* const bounds = in_shared(view.phase_begin);
   const int phases = view.phases, count = bounds[phases];
   T* const memory = view.memory;
   if (view.close < 0) {
-    const DirectWork<Effect, T, false> direct{x, {view.rest, view.vertices, prefetches}, memory};
+    const DirectWork<Effect, T, false> direct{x, {view.rest, view.vertices}, memory};
     return sweep(direct, bounds, phases, team);
   }
   const auto constants = close_constants(view, count, work);
@@ -301,16 +325,17 @@ __device__ Vec3<T> gathered(const Parcel<T>* parcels, const int* from, const int
 // What a block has in shared memory, array after array.
 template <class T>
 struct BlockMemory {
-  Row<T>*u, *d;             // [copies]
-  Vec3<T>* carried;         // [copies of vertices with several]
-  Vec3<T>*v, *corrections;  // [locals], [contacts * locals]
-  T* share;                 // [locals]
-  CopyRange* copies;        // [locals]
-  int* from_begin;          // [shared + 1]
-  int* from;                // [gathered]
-  int* table;               // of the element effects' phases
-  unsigned char* views;     // of all effects, one kind after the other
-  unsigned char* work;      // for elements
+  Row<T>*u, *d;          // [copies]
+  Vec3<T>* carried;      // [copies of vertices with several]
+  Vec3<T>* v;            // [locals], none where a block is a whole body
+  Vec3<T>* corrections;  // [contacts * locals]
+  T* share;              // [locals]
+  CopyRange* copies;     // [locals]
+  int* from_begin;       // [shared + 1]
+  int* from;             // [gathered]
+  int* table;            // of the element effects' phases
+  unsigned char* views;  // of all effects, one kind after the other
+  unsigned char* work;   // for elements
 
   template <class Item>
   __host__ __device__ static Item* take(unsigned char*& at, std::size_t count) {
@@ -325,7 +350,7 @@ struct BlockMemory {
     u = take<Row<T>>(at, frame.most_copies);
     d = take<Row<T>>(at, frame.most_copies);
     carried = take<Vec3<T>>(at, frame.most_carried);
-    v = take<Vec3<T>>(at, locals);
+    v = take<Vec3<T>>(at, frame.whole ? 0 : locals);
     corrections = take<Vec3<T>>(at, frame.contacts * locals);
     share = take<T>(at, locals);
     copies = take<CopyRange>(at, locals);
@@ -367,8 +392,11 @@ __device__ BlockScene<T> scene_of_block(const Frame<T>& frame, int member, int b
   return scene;
 }
 
-template <class T, EffectSet set, int most_threads>
-__global__ void __launch_bounds__(most_threads, 1)
+// Whole bodies are small members of an ensemble: two of them share a multiprocessor, so that one
+// works while the other waits. Their velocities, read once a substep, then have no room of their
+// own.
+template <class T, EffectSet set, int most_threads, bool whole = false>
+__global__ void __launch_bounds__(most_threads, whole ? 2 : 1)
     run_frame(const __grid_constant__ Frame<T> frame) {
   extern __shared__ __align__(32) unsigned char shared[];
   const int block = static_cast<int>(blockIdx.x) % frame.blocks;
@@ -376,17 +404,22 @@ __global__ void __launch_bounds__(most_threads, 1)
   const int lane = static_cast<int>(threadIdx.x), lanes = static_cast<int>(blockDim.x);
   const int first = frame.local_begin[block];
   const int count = frame.local_begin[block + 1] - first;
-  const int shared_count = frame.shared_end[block] - first;
+  const int shared_count = whole ? 0 : frame.shared_end[block] - first;
   Vec3<T>* const u = frame.u + member * frame.locals + first;
   Vec3<T>* const v = frame.v + member * frame.locals + first;
   Vec3<T>* const carried = frame.carried + member * frame.all_copies + frame.copy_begin[block];
   const BlockMemory<T> own(shared, frame);
   const WorkSpace work{own.work - shared};
-  const BlockVertices<T> x{
-      own.u,      own.d,           own.carried,
-      own.v,      own.corrections, frame.rest + first,
-      own.copies, own.share,       frame.leader ? frame.leader + first : nullptr,
-      count};
+  const BlockVertices<T> x{own.u,
+                           own.d,
+                           own.carried,
+                           whole ? v : own.v,
+                           own.corrections,
+                           frame.rest + first,
+                           own.copies,
+                           own.share,
+                           frame.leader ? frame.leader + first : nullptr,
+                           count};
   const BlockScene<T> scene = scene_of_block<set>(frame, static_cast<int>(member), block, own);
   const unsigned long long done = frame.done + frame.ahead[member];
   const auto step_at = [&frame, &scene, done](int substep) {
@@ -395,9 +428,11 @@ __global__ void __launch_bounds__(most_threads, 1)
   // In which order vertices are worked on: first those that no other block has, since meanwhile
   // parcels are on their way. A lane keeps to its own, or it might begin the next substep of one
   // that another has not yet sent.
-  const auto vertex_at = [inner_count = count - shared_count, shared_count](int k) {
+  const int inner_count = count - shared_count;
+  const auto vertex_at = [inner_count, shared_count](int k) {
     return k < inner_count ? shared_count + k : k - inner_count;
   };
+  const int first_to_send = lane + round_up(lane < inner_count ? inner_count - lane : 0, lanes);
   const int gather_first = frame.gather_begin[first];
   const int gather_end = frame.gather_begin[first + shared_count];
   for (int k = gather_first + lane; k < gather_end; k += lanes) {
@@ -426,13 +461,12 @@ __global__ void __launch_bounds__(most_threads, 1)
   __syncthreads();
   for (int substep = 0; substep < frame.substeps; ++substep) {
     for_each_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& view, int) {
-      sweep_effect<Effect, T>(view, x, frame.team, frame.linearizes, frame.prefetches, work);
+      sweep_effect<Effect, T>(view, x, frame.team, frame.linearizes, work);
     });
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
     Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.locals;
-    for (int k = lane; k < count; k += lanes) {
+    for (int k = first_to_send; k < count; k += lanes) {
       const int i = vertex_at(k);
-      if (i >= shared_count) continue;
       Parcel<T>::send(parcels + first + i, sum_of_copies(scene, x, VertexNow<T>(x, i)), exchange);
     }
     for (int k = lane; k < count; k += lanes) {
@@ -465,40 +499,38 @@ __global__ void __launch_bounds__(most_threads, 1)
   }
 }
 
+inline constexpr int least_width = 256, usual_width = 384, most_width = 512;  // threads
+
 // The kernel for a set of effects and a number of threads: the fewer these are at most, the more
 // registers each has.
 template <class T, EffectSet set>
-auto kernel_of_width(int threads) {
+auto kernel_of_width(int threads, bool whole) {
   if constexpr (sizeof(T) == 4) {
-    if (threads > 384) return run_frame<T, set, 512>;
-    if (threads > 256) return run_frame<T, set, 384>;
+    if (whole) return run_frame<T, set, least_width, true>;
+    if (threads > usual_width) return run_frame<T, set, most_width>;
+    if (threads > least_width) return run_frame<T, set, usual_width>;
   }
-  return run_frame<T, set, 256>;
+  return run_frame<T, set, least_width>;
 }
 template <class T>
-auto kernel_for(EffectSet named, int threads) {
-  if ((named & ~tissue) == 0) return kernel_of_width<T, tissue>(threads);
-  if ((named & ~damped_tissue) == 0) return kernel_of_width<T, damped_tissue>(threads);
-  if ((named & ~held_tissue) == 0) return kernel_of_width<T, held_tissue>(threads);
-  return run_frame<T, all_effects, 256>;
+auto kernel_for(EffectSet named, int threads, bool whole) {
+  if ((named & ~tissue) == 0) return kernel_of_width<T, tissue>(threads, whole);
+  if ((named & ~damped_tissue) == 0) return kernel_of_width<T, damped_tissue>(threads, whole);
+  if ((named & ~held_tissue) == 0) return kernel_of_width<T, held_tissue>(threads, whole);
+  return run_frame<T, all_effects, least_width>;
 }
 template <class T>
-int most_threads(EffectSet named) {
-  return sizeof(T) == 4 && (named & ~held_tissue) == 0 ? 512 : 256;
-}
-
-template <class Count>
-constexpr Count round_up(Count count, Count unit) {
-  return (count + unit - 1) / unit * unit;
+bool has_several_widths(EffectSet named) {
+  return sizeof(T) == 4 && (named & ~held_tissue) == 0;
 }
 
 // How many threads work on `elements`, or exchange `shared` vertices. As many as take the
 // fewest rounds over the elements, beyond a warp for each of a multiprocessor's schedulers the same
-// number for each. More than `usual` leave each too few registers, and pay only where all exchanged
+// number for each. More than usual leave each too few registers, and pay only where all exchanged
 // vertices then fit into one round (measured: docs/results/cuda.md).
 inline int threads_for(int elements, int shared, int most) {
-  constexpr int schedulers = 4, usual = 384;
-  if (shared <= usual || shared > most) most = std::min(most, usual);
+  constexpr int schedulers = 4;
+  if (shared <= usual_width || shared > most) most = std::min(most, usual_width);
   const int rounds = round_up(std::max(1, elements), most) / most;
   const int threads = round_up((elements + rounds - 1) / rounds, one_warp);
   return threads > schedulers * one_warp ? round_up(threads, schedulers * one_warp) : threads;

@@ -26,10 +26,11 @@ int attribute(cudaDeviceAttr which) {
 template <class Effect, class T>
 struct DeviceElements : Placement<Effect::arity> {
   using Rest = AlignedRest<typename Effect::template Rest<T>>;
+  using DevicePlanes = std::array<DeviceArray<Piece>, PlanesView<Rest>::count>;
   using Placement<Effect::arity>::element_of;
   DeviceArray<LocalVertices<Effect::arity>> vertices;
-  DeviceArray<Rest> rest;
-  std::vector<DeviceArray<Rest>> own_rest;  // [members], empty where it is `rest`
+  DevicePlanes rest;
+  std::vector<DevicePlanes> own_rest;  // [members], a plane is empty where it is that of `rest`
   DeviceArray<int> phase_begin, block_phase;
   DeviceArray<T> memory;         // [members * elements * memory_of]
   std::vector<char> linearizes;  // [members]
@@ -40,31 +41,43 @@ struct DeviceElements : Placement<Effect::arity> {
   DeviceElements(BlockElements<Effect, T>&& host, int members)
       : Placement<Effect::arity>(std::move(host)),
         vertices(host.vertices),
-        rest(host.rest),
         own_rest(members),
         phase_begin(host.phase_begin),
         block_phase(host.block_phase),
         memory(members * host.rest.size() * memory_of<Effect>),
         linearizes(members, 1),
         most_elements(host.most_elements()),
-        most_phases(host.most_phases()) {}
+        most_phases(host.most_phases()) {
+    const Planes<Rest> planes = planes_of(host.rest);
+    for (std::size_t p = 0; p < rest.size(); ++p) rest[p] = DeviceArray<Piece>(planes[p]);
+  }
 
   EffectView<Effect, T> view(int member) const {
-    const auto& own = own_rest[member];
-    return {vertices.get(),
-            own.size() > 0 ? own.get() : rest.get(),
-            memory.get() + member * element_of.size() * memory_of<Effect>,
-            phase_begin.get(),
-            block_phase.get(),
-            close,
-            linearizes[member] != 0};
+    EffectView<Effect, T> view{vertices.get(),
+                               {},
+                               memory.get() + member * element_of.size() * memory_of<Effect>,
+                               phase_begin.get(),
+                               block_phase.get(),
+                               close,
+                               linearizes[member] != 0};
+    for (std::size_t p = 0; p < rest.size(); ++p) {
+      const auto& own = own_rest[member][p];
+      view.rest.planes[p] = own.size() > 0 ? own.get() : rest[p].get();
+    }
+    return view;
   }
-  // A member that has what all have keeps nothing of its own.
+  // A member keeps of its own what is not as all have it.
   void set_rest(int member, const std::vector<Rest>& host) {
-    if (own_rest.size() == 1) return rest.upload(host);
-    const std::vector<Rest> shared = rest.download();
-    const bool same = std::memcmp(host.data(), shared.data(), host.size() * sizeof(Rest)) == 0;
-    own_rest[member] = same ? DeviceArray<Rest>() : DeviceArray<Rest>(host);
+    const Planes<Rest> planes = planes_of(host);
+    for (std::size_t p = 0; p < rest.size(); ++p) {
+      if (own_rest.size() == 1) {
+        rest[p].upload(planes[p]);
+      } else if (planes[p] == rest[p].download()) {
+        own_rest[member][p] = {};
+      } else {
+        own_rest[member][p] = DeviceArray<Piece>(planes[p]);
+      }
+    }
   }
   void save_memory(std::vector<double>& all, int member) const {
     if constexpr (memory_of<Effect> != 0) {
@@ -93,17 +106,18 @@ class CudaBlocks final : public Ensemble {
       : name_(std::move(name)),
         members_(members),
         program_(model, scene),
-        layout_(model, program_, tets_per_block, team_of(program_, tets_per_block)) {
+        layout_(model, program_, tets_per_block, team_of(model, program_, tets_per_block)) {
     require_device_memory(bytes_needed());
-    place_vertices();
-    place_effects(assess(model, scene).cs_max);
-    share_out_memory();
-    make_views();
     frame_.dt = program_.dt;
     frame_.substeps = program_.substeps;
     frame_.locals = local_count();
     frame_.blocks = layout_.block_count();
     frame_.team = layout_.team().lanes;
+    frame_.whole = layout_.team().whole;
+    place_vertices();
+    place_effects(assess(model, scene).cs_max);
+    share_out_memory();
+    make_views();
     ask_for_the_device();
     graph_ = Graph(stream_, [this] { enqueue_frame(); });
   }
@@ -285,9 +299,12 @@ class CudaBlocks final : public Ensemble {
     });
     return named;
   }
-  static Team team_of(const Program<T>& program, int tets_per_block) {
-    Team team = team_for(tets_per_block);
-    team.lanes = std::min(team.lanes, most_threads<T>(named_in(program)));
+  static Team team_of(const Model& model, const Program<T>& program, int tets_per_block) {
+    Team team = team_for(tets_per_block, static_cast<int>(model.tet_count()));
+    if (!has_several_widths<T>(named_in(program))) {
+      team.lanes = std::min(team.lanes, least_width);
+      team.whole = false;
+    }
     return team;
   }
 
@@ -326,11 +343,10 @@ class CudaBlocks final : public Ensemble {
       if (is_linearizable<Effect>) items = std::max(items, own.most_elements);
     });
     const std::size_t all = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin);
+    const std::size_t half = attribute(cudaDevAttrMaxSharedMemoryPerMultiprocessor) / 2 -
+                             attribute(cudaDevAttrReservedSharedMemoryPerBlock);
     const std::size_t before = BlockMemory<T>::bytes(frame_);
-    const bool close = before + linearized + constants <= all;
-    frame_.prefetches =
-        !close && constants * layout_.block_count() * members_ >
-                      static_cast<std::size_t>(attribute(cudaDevAttrL2CacheSize)) / 2;
+    const bool close = before + linearized + constants <= (frame_.whole ? half : all);
     frame_.linearizes = linearizes && close;
     shared_bytes_ = before + (close ? linearized + constants : 0);
     require_room(shared_bytes_, all);
@@ -342,10 +358,11 @@ class CudaBlocks final : public Ensemble {
       });
     }
     const EffectSet named = named_in(program_);
-    const int most = most_threads<T>(named);
+    const bool narrow = frame_.whole || !has_several_widths<T>(named);
+    const int most = narrow ? least_width : most_width;
     if (items == 0 || !frame_.linearizes) items = frame_.most_locals;
-    threads_ = std::max(layout_.team().lanes, threads_for(items, frame_.most_shared, most));
-    kernel_ = kernel_for<T>(named, threads_);
+    threads_ = std::max(frame_.team, threads_for(items, frame_.most_shared, most));
+    kernel_ = kernel_for<T>(named, threads_, frame_.whole);
   }
 
   void make_views() {

@@ -161,7 +161,7 @@ TEST_F(Cuda, EveryEffectInBlocksAgreesWithTheHost) {
 TEST_F(Cuda, EveryWidthOfABlockAgreesWithTheHost) {
   Scene scene = drop_scene();
   scene.time = {.frame_s = 1.0 / 240.0, .substeps = 3};
-  for (const auto& [cells, tets_per_block] : {std::pair{2, 20}, {6, 700}, {9, 2600}}) {
+  for (const auto& [cells, tets_per_block] : {std::pair{2, 20}, {6, 700}, {9, 2600}, {9, 5000}}) {
     const Model model = make_cube(cells);
     EXPECT_LE(blocks_disagreement(model, scene, tets_per_block, 1), 1e-12) << tets_per_block;
     EXPECT_LE(blocks_disagreement<float>(model, scene, tets_per_block, 1), 1e-6) << tets_per_block;
@@ -234,7 +234,6 @@ TEST_F(Cuda, OtherValuesGiveTheRunThatStartsWithThem) {
   }
 }
 
-// More members than run at once, in one block and in several.
 // A hand and its ball, led anew at every frame.
 TEST_F(Cuda, WhatAHandLeadsAgreesWithTheHost) {
   const Model model = make_cube(5);
@@ -269,14 +268,15 @@ TEST_F(Cuda, WhatAHandLeadsAgreesWithTheHost) {
   }
 }
 
+// More members than run at once: each in several blocks, in a small one, and in a large one.
 TEST_F(Cuda, AMemberGivesTheBitsOfARunAlone) {
-  const Model model = make_cube(4);
   const Tune tune = [](int member, Model& own, Scene& scene) {
     for (Material& material : own.materials) material.youngs_modulus *= 1.0 + member % 3;
     scene.params<Gravity>()[0].acceleration *= 1.0 + 0.1 * (member % 2);
   };
   constexpr int members = 300;
-  for (const int block_tets : {50, 1000}) {
+  for (const auto& [cells, block_tets] : {std::pair{4, 50}, {4, 1000}, {8, 4000}}) {
+    const Model model = make_cube(cells);
     const SolverOptions options{.scheme = Scheme::block_gauss_seidel, .block_tets = block_tets};
     const auto all = make_ensemble_on_cuda(model, drop_scene(), options, members, tune);
     for (int frame = 0; frame < 5; ++frame) all->advance_frame();

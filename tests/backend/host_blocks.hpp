@@ -15,7 +15,8 @@ template <class T>
 class HostBlocks final : public Solver {
  public:
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized)
-      : HostBlocks(model, scene, tets_per_block, linearized, team_for(tets_per_block)) {}
+      : HostBlocks(model, scene, tets_per_block, linearized,
+                   team_for(tets_per_block, static_cast<int>(model.tet_count()))) {}
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized, Team team)
       : program_(model, scene),
         layout_(model, program_, tets_per_block, team),
@@ -134,6 +135,7 @@ class HostBlocks final : public Solver {
   template <class Effect, class U>
   requires(Effect::kind == EffectKind::element) struct ElementsOf<Effect, U>
       : BlockElements<Effect, U> {
+    Planes<AlignedRest<typename Effect::template Rest<U>>> planes;  // of `rest`
     std::vector<U> memory;
     bool linearizes = true;
   };
@@ -144,6 +146,8 @@ class HostBlocks final : public Solver {
     views_.assign(layout_.block_count(), {});
     scenes_.assign(layout_.block_count(), {});
     tables_.clear();
+    for_each_slot<EffectKind::element>(
+        own_, []<class Effect>(auto& own) { own->planes = planes_of(own->rest); });
     for (int block = 0; block < layout_.block_count(); ++block) {
       scenes_[block].dt = static_cast<T>(program_.dt);
       Effects::for_each([&]<class Effect, std::size_t i>() {
@@ -152,10 +156,12 @@ class HostBlocks final : public Solver {
           const auto& effect = std::get<i>(program_.effects)[k];
           if constexpr (Effect::kind == EffectKind::element) {
             auto& own = *std::get<i>(own_)[k];
-            const EffectView<Effect, T> all{own.vertices.data(),    own.rest.data(),
-                                            own.memory.data(),      own.phase_begin.data(),
-                                            own.block_phase.data(), -1,
-                                            own.linearizes};
+            EffectView<Effect, T> all{
+                own.vertices.data(),    {}, own.memory.data(), own.phase_begin.data(),
+                own.block_phase.data(), -1, own.linearizes};
+            for (std::size_t p = 0; p < own.planes.size(); ++p) {
+              all.rest.planes[p] = own.planes[p].data();
+            }
             tables_.emplace_back(table_size(own.most_phases()));
             view_of_block(all, block, 0, 1, tables_.back().data(), views.emplace_back());
           } else if constexpr (requires { effect.device; }) {
@@ -204,7 +210,7 @@ class HostBlocks final : public Solver {
                                     linearized[e]);
         }
         for (const auto& element : linearized) {
-          solve_linearized(x, element, Rows<T, arity>(x, element.content.vertices));
+          solve_linearized(x, element, Rows<T, arity>(x.d, element.content.vertices));
         }
         return;
       }
@@ -213,7 +219,7 @@ class HostBlocks final : public Solver {
       Vec3<T> u[arity];
       displacements_at_start(x, view.vertices[e], u);
       solve_element<Effect>(x, view.vertices[e], view.rest[e].rest, memory(e), u,
-                            Rows<T, arity>(x, view.vertices[e]));
+                            Rows<T, arity>(x.d, view.vertices[e]));
     }
   }
 

@@ -2,6 +2,7 @@
 // they must keep.
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <numeric>
 #include <random>
 #include <ranges>
@@ -74,6 +75,32 @@ TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
       }
     }
   }
+}
+
+// Two bodies that differ in E have all planes in common but the one that E is in.
+TEST(Planes, HoldEveryItemAndKeepApartWhatTwoModelsDoNotShare) {
+  using Item = AlignedRest<NeoHookean::Rest<float>>;
+  Model model = make_cube(2);
+  std::array<std::vector<Item>, 2> items;
+  std::array<Planes<Item>, 2> planes;
+  for (int k = 0; k < 2; ++k) {
+    const Program<float> program(model, elastic_scene());
+    for (const auto& rest : std::get<Effects::index_of<NeoHookean>()>(program.effects)[0].rest) {
+      items[k].push_back({rest});
+    }
+    planes[k] = planes_of(items[k]);
+    PlanesView<Item> view;
+    for (std::size_t p = 0; p < planes[k].size(); ++p) view.planes[p] = planes[k][p].data();
+    for (std::size_t e = 0; e < items[k].size(); ++e) {
+      const Item item = view[static_cast<int>(e)], later = view.from(1)[static_cast<int>(e) - 1];
+      EXPECT_EQ(std::memcmp(&item, &items[k][e], sizeof(Item)), 0);
+      EXPECT_EQ(std::memcmp(&later, &items[k][e], sizeof(Item)), 0);
+    }
+    for (Material& material : model.materials) material.youngs_modulus *= 2.0;
+  }
+  EXPECT_EQ(planes[0][0], planes[1][0]);
+  EXPECT_EQ(planes[0][1], planes[1][1]);
+  EXPECT_NE(planes[0][2], planes[1][2]);
 }
 
 // How long a group's loads take, one role after the other: as many turns as the fullest bank has
