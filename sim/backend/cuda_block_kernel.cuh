@@ -136,6 +136,12 @@ __device__ void bring_close(const BlockView<Effect, T>& view, WorkSpace work) {
   }
 }
 
+// What a lane reads in a phase: without an element rows that no other writes meanwhile.
+template <class T>
+__device__ const Row<T>* rows_for(const BlockVertices<T>& x, bool active) {
+  return active ? x.d : x.u;
+}
+
 // Reads a row in shared memory where this stands: the compiler would put it off into the branch of
 // the lanes that need it, behind what these wait for before.
 __device__ inline Row<float> read_now(const Row<float>* row) {
@@ -170,7 +176,9 @@ struct LinearizedWork {
 
   __device__ Item fetch(int e) const { return elements[e]; }
   __device__ void look_ahead(Item&) const {}
-  __device__ Rows gather(const Item& item, bool) const { return {x.d, item.content.vertices}; }
+  __device__ Rows gather(const Item& item, bool active) const {
+    return {rows_for(x, active), item.content.vertices};
+  }
   __device__ void solve(const Item& item, const Rows& rows, bool active) const {
     solve_linearized(x, item, rows, active);
   }
@@ -195,9 +203,8 @@ struct DirectWork {
     return {constants.rest_of(e), constants.vertices_of(e), {}, e};
   }
   __device__ void look_ahead(Item& item) const { displacements_at_start(x, item.vertices, item.u); }
-  // A lane without an element reads what no other writes meanwhile.
   __device__ Rows gather(const Item& item, bool active) const {
-    const Row<T>* const rows = active ? x.d : x.u;
+    const Row<T>* const rows = rows_for(x, active);
     Rows gathered;
     for (int i = 0; i < Effect::arity; ++i) gathered.row[i] = read_now(rows + item.vertices[i]);
     return gathered;
