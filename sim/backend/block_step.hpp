@@ -112,6 +112,21 @@ constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
   });
 }
 
+// Whether a scene names effects that oppose motion alone. They are solved first, before the copies
+// of a vertex take the offsets that they carry: these strain an element as no motion does, and at
+// rest would be opposed as one.
+template <EffectSet set = all_effects, class T>
+SIM_HD bool is_damped(const BlockScene<T>& scene) {
+  bool result = false;
+  Effects::for_each([&]<class Effect, std::size_t index>() {
+    if constexpr (damps<Effect> && (set >> index & 1)) {
+      const Views<BlockView<Effect, T>>& views = scene.effects;
+      result = result || views.count > 0;
+    }
+  });
+  return result;
+}
+
 // A block's vertices. Their copies differ while elements are solved, and only in d.
 template <class T>
 struct BlockVertices {
@@ -174,10 +189,20 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
     d += correction;
   });
   if (now.has_several_copies()) {
-    now.for_each_copy([&](int copy) { x.d[copy].v = d + before_sweep(x.carried[copy]); });
+    const bool later = is_damped<set>(scene);
+    now.for_each_copy(
+        [&](int copy) { x.d[copy].v = later ? d : d + before_sweep(x.carried[copy]); });
   } else {
     x.d[now.copies.begin].v = d;
   }
+}
+
+// Between the effects that damp and the others.
+template <class T>
+SIM_HD void offset_local(const BlockVertices<T>& x, int i) {
+  const VertexNow<T> now(x, i);
+  if (!now.has_several_copies()) return;
+  now.for_each_copy([&](int copy) { x.d[copy].v += before_sweep(x.carried[copy]); });
 }
 
 // What the block has to say about a vertex: the sum over its copies, counted from where its

@@ -27,6 +27,8 @@
 //       back what one sweep of block Gauss-Seidel takes from its stiffness
 //   static constexpr bool has_reference = true;   optional: see Evaluation
 //   static constexpr bool needs_rate = true;     optional: no force at equilibrium
+//   static constexpr bool damps = true;          optional: opposes motion alone, and comes before
+//                                                all that do not
 //   static constexpr bool linear_in_motion = true;  optional: over a step the force is linear in d
 //   static constexpr bool loses_stiffness = true;   optional: a law that gives way when compressed,
 //                                                and turns inside out under a load that it cannot
@@ -117,6 +119,12 @@ template <class Effect>
 inline constexpr int memory_of = [] {
   if constexpr (requires { Effect::memory; }) return Effect::memory;
   return 0;
+}();
+
+template <class Effect>
+inline constexpr bool damps = [] {
+  if constexpr (requires { Effect::damps; }) return Effect::damps;
+  return false;
 }();
 
 // Whether an effect states reference multipliers, below.
