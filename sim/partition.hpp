@@ -6,11 +6,12 @@
 // In a sweep a copy meets the elements of its own block only. Left at that, the stress between
 // blocks would tear the copies of a vertex apart in every substep, and elements be solved where no
 // vertex is. So a copy carries, as a displacement, what the other blocks do to it: half of it acts
-// before the sweep and half after, and what the sweep left between it and the average is added. The
-// offsets of a vertex sum to zero, so momentum is kept. They are the multipliers of the
-// alternating direction method (Boyd et al., "Distributed Optimization and Statistical Learning
-// via the Alternating Direction Method of Multipliers", 2011, eq. 3.5 to 3.7, scaled). Acting as a
-// whole before the sweep they would gain energy from Cs 0.5 up (docs/results/cuda.md).
+// before the sweep (behind effects that damp, since it is no motion) and half after, and what the
+// sweep left between it and the average is added. The offsets of a vertex sum to zero, so momentum
+// is kept. They are the multipliers of the alternating direction method (Boyd et al., "Distributed
+// Optimization and Statistical Learning via the Alternating Direction Method of Multipliers", 2011,
+// eq. 3.5 to 3.7, scaled). Acting as a whole before the sweep they would gain energy from Cs 0.5 up
+// (docs/results/cuda.md).
 #pragma once
 
 #include <array>

@@ -282,26 +282,20 @@ class CpuSolver final : public Solver {
   // Each thread sweeps its blocks, effect after effect, on their copies of the vertices.
   void sweep_blocks(Arithmetic arithmetic, int rank, Range mine, Lap& lap) {
     const Range blocks = part_of({0, layout_.blocks->count()}, rank, team_.size());
-    const Range copies = layout_.split->range_of(blocks);
-    const auto sweep_those = [&](auto that_damp) {
-      Effects::for_each([&]<class Effect, std::size_t i>() {
-        if constexpr (Effect::kind == EffectKind::element && damps<Effect> == that_damp.value) {
-          for (auto& own : std::get<i>(own_)) {
-            if (!own.in_blocks()) continue;
-            SweepFields<T> fields = fields_of(own);
-            copies_->use(fields);
-            for (const Range color : own.colors_of(blocks)) {
-              sweeps_[static_cast<int>(arithmetic)][i](own.packed.groups.data(), color, fields);
-            }
-            lap.took(i);
+    copies_->take(layout_.split->range_of(blocks), u_, d_);
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (Effect::kind == EffectKind::element) {
+        for (auto& own : std::get<i>(own_)) {
+          if (!own.in_blocks()) continue;
+          SweepFields<T> fields = fields_of(own);
+          copies_->use(fields);
+          for (const Range color : own.colors_of(blocks)) {
+            sweeps_[static_cast<int>(arithmetic)][i](own.packed.groups.data(), color, fields);
           }
+          lap.took(i);
         }
-      });
-    };
-    copies_->take(copies, u_, d_);
-    sweep_those(std::true_type{});
-    copies_->offset(copies);
-    sweep_those(std::false_type{});
+      }
+    });
     team_.barrier();
     copies_->average(mine, d_);
     team_.barrier();

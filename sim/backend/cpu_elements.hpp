@@ -168,13 +168,8 @@ class VertexCopies {
     for (int copy = copies.begin; copy < copies.end; ++copy) {
       const int v = split_.vertex_of(copy);
       u_[copy] = u[v];
-      d_[copy] = {d[v].v, static_cast<T>(split_.copies_of(v).size()) * d[v].w};
-    }
-  }
-  // After the effects that damp: at rest they would oppose what the copies carry as a motion.
-  void offset(Range copies) {
-    for (int copy = copies.begin; copy < copies.end; ++copy) {
-      d_[copy].v += before_sweep(carried_[copy]);
+      d_[copy] = {d[v].v + before_sweep(carried_[copy]),
+                  static_cast<T>(split_.copies_of(v).size()) * d[v].w};
     }
   }
   void use(SweepFields<T>& fields) {
