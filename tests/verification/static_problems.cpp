@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <limits>
+#include <optional>
 
 #include "tests/verification/problems.hpp"
 
@@ -66,14 +67,20 @@ void add_stiffness_rows(std::vector<Row>& rows) {
   }
 }
 
-// The goal is Gauss-Seidel's at 64 substeps; the rest shows how each falls off.
+// What a scheme's error may be with so many substeps. The goal is Gauss-Seidel's at 64; blocks,
+// which come to it later, must not come to rest elsewhere; the rest shows how each falls off.
+std::optional<double> most_error(const SolverOptions& options, int substeps) {
+  if (options.method != Method::xpbd) return {};
+  if (options.scheme == Scheme::gauss_seidel && substeps == 64) return 0.003;
+  if (options.scheme == Scheme::block_gauss_seidel && substeps == 128) return 0.01;
+  return {};
+}
+
 void add_substep_rows(std::vector<Row>& rows) {
   for (const auto& [name, options] : schemes()) {
     for (const int substeps : {16, 32, 64, 128}) {
-      const bool is_goal = options.method == Method::xpbd &&
-                           options.scheme == Scheme::gauss_seidel && substeps == 64;
       rows.push_back({"substeps", fmt::format("bar of 3,600 tets, {} substeps", substeps), name,
-                      "fp64", [options = options, substeps, is_goal]() -> Outcome {
+                      "fp64", [options = options, substeps]() -> Outcome {
                         static const Model model = judged_bar({20, 6, 6});
                         static const State exact = equilibrium(model, own_weight());
                         const auto found = settle(model, exact, options, substeps);
@@ -81,9 +88,10 @@ void add_substep_rows(std::vector<Row>& rows) {
                         std::string note = note_of(found, tip);
                         if (!found.state.finite())
                           return {{{"not finite", 1.0, 0.0}}, "unstable", ""};
-                        if (!is_goal)
+                        const auto most = most_error(options, substeps);
+                        if (!most)
                           return {{}, fmt::format("error {}, {}", number(found.error), note)};
-                        return {{{"error", found.error, 0.003}}, note, ""};
+                        return {{{"error", found.error, *most}}, note, ""};
                       }});
     }
   }
