@@ -112,9 +112,7 @@ constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
   });
 }
 
-// Whether a scene names effects that oppose motion alone. They are solved first, before the copies
-// of a vertex take the offsets that they carry: these strain an element as no motion does, and at
-// rest would be opposed as one.
+// Whether a scene names effects that oppose motion alone.
 template <EffectSet set = all_effects, class T>
 SIM_HD bool is_damped(const BlockScene<T>& scene) {
   bool result = false;
@@ -125,6 +123,24 @@ SIM_HD bool is_damped(const BlockScene<T>& scene) {
     }
   });
   return result;
+}
+
+// The element effects of a substep: sweep.template operator()<Effect>(view) for those that damp,
+// then offset(), where the copies of a vertex take what they carry, then the others. What is
+// carried strains an element as no motion does, and at rest would be opposed as one. Where nothing
+// damps, begin_local() has given it to the copies.
+template <EffectSet set = all_effects, class T, class Sweep, class Offset>
+constexpr void sweep_in_order(const BlockScene<T>& scene, Sweep&& sweep, Offset&& offset) {
+  const auto sweep_those = [&](auto that_damp) {
+    for_each_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& view, int) {
+      if constexpr (damps<Effect> == that_damp.value) sweep.template operator()<Effect>(view);
+    });
+  };
+  if (is_damped<set>(scene)) {
+    sweep_those(std::true_type{});
+    offset();
+  }
+  sweep_those(std::false_type{});
 }
 
 // A block's vertices. Their copies differ while elements are solved, and only in d.
@@ -197,7 +213,7 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
   }
 }
 
-// Between the effects that damp and the others.
+// Gives a vertex's copies what they carry (sweep_in_order).
 template <class T>
 SIM_HD void offset_local(const BlockVertices<T>& x, int i) {
   const VertexNow<T> now(x, i);

@@ -466,20 +466,15 @@ __global__ void __launch_bounds__(most_threads, whole ? 2 : 1)
     begin_local<set>(scene, step_at(0), x, i, now);
   }
   __syncthreads();
-  const auto sweep_those = [&](auto that_damp) {
-    for_each_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& view, int) {
-      if constexpr (damps<Effect> == that_damp.value) {
-        sweep_effect<Effect, T>(view, x, frame.team, frame.linearizes, work);
-      }
-    });
+  const auto sweep = [&]<class Effect>(const auto& view) {
+    sweep_effect<Effect, T>(view, x, frame.team, frame.linearizes, work);
+  };
+  const auto offset = [&] {
+    for (int i = lane; i < count; i += lanes) offset_local(x, i);
+    __syncthreads();
   };
   for (int substep = 0; substep < frame.substeps; ++substep) {
-    if (is_damped<set>(scene)) {
-      sweep_those(std::true_type{});
-      for (int i = lane; i < count; i += lanes) offset_local(x, i);
-      __syncthreads();
-    }
-    sweep_those(std::false_type{});
+    sweep_in_order<set>(scene, sweep, offset);
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
     Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.locals;
     for (int k = first_to_send; k < count; k += lanes) {

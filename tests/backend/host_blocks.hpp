@@ -62,18 +62,11 @@ class HostBlocks final : public Solver {
         for (int i = 0; i < x.count; ++i) {
           begin_local(scenes_[block], step, x, i, VertexNow<T>(x, i));
         }
-        const auto sweep_those = [&](bool that_damp) {
-          for_each_view<EffectKind::element>(scenes_[block],
-                                             [&]<class Effect>(const auto& view, int) {
-                                               if (damps<Effect> == that_damp)
-                                                 sweep<Effect>(view, x);
-                                             });
-        };
-        sweep_those(true);
-        if (is_damped(scenes_[block])) {
-          for (int i = 0; i < x.count; ++i) offset_local(x, i);
-        }
-        sweep_those(false);
+        sweep_in_order(
+            scenes_[block], [&]<class Effect>(const auto& view) { sweep<Effect>(view, x); },
+            [&] {
+              for (int i = 0; i < x.count; ++i) offset_local(x, i);
+            });
         for (int i = 0; i < x.count; ++i) {
           sums.push_back(sum_of_copies(scenes_[block], x, VertexNow<T>(x, i)));
         }
