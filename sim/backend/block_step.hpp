@@ -112,12 +112,13 @@ constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
   });
 }
 
-// Whether a scene names effects that oppose motion alone.
+// Whether a scene names elements whose force is taken in full.
 template <EffectSet set = all_effects, class T>
-SIM_HD bool is_damped(const BlockScene<T>& scene) {
+SIM_HD bool has_forces(const BlockScene<T>& scene) {
   bool result = false;
   Effects::for_each([&]<class Effect, std::size_t index>() {
-    if constexpr (damps<Effect> && (set >> index & 1)) {
+    if constexpr (Effect::kind == EffectKind::element && !is_constraint<Effect> &&
+                  (set >> index & 1)) {
       const Views<BlockView<Effect, T>>& views = scene.effects;
       result = result || views.count > 0;
     }
@@ -125,22 +126,23 @@ SIM_HD bool is_damped(const BlockScene<T>& scene) {
   return result;
 }
 
-// The element effects of a substep: sweep.template operator()<Effect>(view) for those that damp,
-// then offset(), where the copies of a vertex take what they carry, then the others. What is
-// carried strains an element as no motion does, and at rest would be opposed as one. Where nothing
-// damps, begin_local() has given it to the copies.
+// The element effects of a substep: sweep.template operator()<Effect>(view) for forces, then
+// offset(), where the copies of a vertex take what they carry, then for constraints. What is
+// carried strains an element as no motion does: viscosity would oppose it even at rest. Where there
+// are no forces, begin_local() has given it to the copies.
 template <EffectSet set = all_effects, class T, class Sweep, class Offset>
 constexpr void sweep_in_order(const BlockScene<T>& scene, Sweep&& sweep, Offset&& offset) {
-  const auto sweep_those = [&](auto that_damp) {
+  const auto sweep_those = [&](auto constraints) {
     for_each_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& view, int) {
-      if constexpr (damps<Effect> == that_damp.value) sweep.template operator()<Effect>(view);
+      if constexpr (is_constraint<Effect> == constraints.value)
+        sweep.template operator()<Effect>(view);
     });
   };
-  if (is_damped<set>(scene)) {
-    sweep_those(std::true_type{});
+  if (has_forces<set>(scene)) {
+    sweep_those(std::false_type{});
     offset();
   }
-  sweep_those(std::false_type{});
+  sweep_those(std::true_type{});
 }
 
 // A block's vertices. Their copies differ while elements are solved, and only in d.
@@ -148,7 +150,7 @@ template <class T>
 struct BlockVertices {
   Row<T>* u;                // [copies] m, and the vertex's inverse mass, 1/kg
   Row<T>* d;                // [copies] m over the substep, and the copy's mobility, s2/kg
-  Vec3<T>* carried;         // [copies of vertices with several] m (partition.hpp)
+  Vec3<T>* carried;         // [several] m (partition.hpp)
   Vec3<T>* v;               // [count] m/s at the start of the substep
   Vec3<T>* corrections;     // [contacts * count] m, 0: not in contact
   const Vec3<T>* rest;      // [count] m
@@ -156,6 +158,7 @@ struct BlockVertices {
   const T* share;           // [count] of a copy in the average
   const int* leader;        // [count] which motion effect leads the vertex, or -1; null: none does
   int count;
+  int several;  // the first copies: those of vertices with several, here or elsewhere
 };
 
 // One of them, as it is worked on between two sweeps: read once.
@@ -205,7 +208,7 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
     d += correction;
   });
   if (now.has_several_copies()) {
-    const bool later = is_damped<set>(scene);
+    const bool later = has_forces<set>(scene);
     now.for_each_copy(
         [&](int copy) { x.d[copy].v = later ? d : d + before_sweep(x.carried[copy]); });
   } else {
@@ -213,12 +216,10 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
   }
 }
 
-// Gives a vertex's copies what they carry (sweep_in_order).
+// Gives a copy, one of x.several, what it carries (sweep_in_order).
 template <class T>
-SIM_HD void offset_local(const BlockVertices<T>& x, int i) {
-  const VertexNow<T> now(x, i);
-  if (!now.has_several_copies()) return;
-  now.for_each_copy([&](int copy) { x.d[copy].v += before_sweep(x.carried[copy]); });
+SIM_HD void offset_copy(const BlockVertices<T>& x, int copy) {
+  x.d[copy].v += before_sweep(x.carried[copy]);
 }
 
 // What the block has to say about a vertex: the sum over its copies, counted from where its

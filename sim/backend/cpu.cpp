@@ -219,7 +219,7 @@ class CpuSolver final : public Solver {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::element) {
         for (auto& own : std::get<i>(own_)) {
-          if (Effect::rows == 0 && iteration > 0) continue;
+          if (!is_constraint<Effect> && iteration > 0) continue;
           if (own.in_blocks()) continue;
           const Sweep<T> sweep = sweeps_[static_cast<int>(arithmetic)][i];
           if (own.gathers()) {

@@ -29,7 +29,7 @@ struct ElementLayout {
     blocks.emplace(model, options.block_tets > 0 ? options.block_tets : own_choice);
     split.emplace(blocks->count(), model.vertex_count());
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
-      if (Effect::rows == 0) return;
+      if (!is_constraint<Effect>) return;
       for (const auto& vertices_of : effect.vertices) {
         split->touch(blocks->block_of(vertices_of), vertices_of);
       }
@@ -47,7 +47,7 @@ struct CpuElements {
   CpuElements(const Prepared<Effect, T>& elements, const ElementLayout& layout)
       : elements_(elements.vertices.size()) {
     // A force is taken in full: its stability is that of one element after the other.
-    const Scheme scheme = Effect::rows > 0 ? layout.scheme : Scheme::gauss_seidel;
+    const Scheme scheme = is_constraint<Effect> ? layout.scheme : Scheme::gauss_seidel;
     if (scheme == Scheme::block_gauss_seidel) {
       lay_out_blocks(elements, layout);
     } else {

@@ -187,7 +187,7 @@ void fill_table(SweepTable<T>& table) {
       const auto fill = [&table]<Arithmetic arithmetic>() {
         if constexpr (arithmetic == pbd && !is_projectable<Effect>) return;
         // A force is the same under all.
-        constexpr Arithmetic own = Effect::rows > 0 ? arithmetic : xpbd_only;
+        constexpr Arithmetic own = is_constraint<Effect> ? arithmetic : xpbd_only;
         table[static_cast<int>(arithmetic)][i] = sweep_groups<isa, own, Effect, T>;
       };
       fill.template operator()<xpbd_only>();

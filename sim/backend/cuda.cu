@@ -215,7 +215,7 @@ struct OnDevice<Effect, T, EffectKind::element> {
   DeviceArray<int> slots, slots_begin;  // [vertices + 1] of its impulses
 
   OnDevice(const Prepared<Effect, T>& host, const DeviceLayout& layout)
-      : gathers(layout.gathers && Effect::rows > 0),
+      : gathers(layout.gathers && is_constraint<Effect>),
         coloring(color_elements<Effect::arity>(std::span<const Vertices>(host.vertices),
                                                layout.vertices)),
         vertices(ordered(host.vertices)),
@@ -435,7 +435,7 @@ class CudaSolver final : public Solver {
           own.enqueue(stream_, arithmetic, options_.stiffness,
                       {u_.get(), d_.get(), inverse_mass_.get()});
         } else if constexpr (Effect::kind == EffectKind::element) {
-          if constexpr (Effect::rows > 0) {
+          if constexpr (is_constraint<Effect>) {
             enqueue_sweep_by<Effect>(own, arithmetic);
           } else if (iteration == 0) {
             enqueue_sweep<Effect, Arithmetic::xpbd_only>(own);

@@ -38,6 +38,7 @@ struct Frame {
   const int* leader;          // or null
   const int* local_begin;     // [blocks + 1]
   const int* copy_begin;      // [blocks]
+  const int* several;         // [blocks] copies of vertices with several, here or elsewhere
   const int* shared_end;      // [blocks] of those that other blocks have too
   const int* gather_begin;    // [locals + 1]
   const int* gather;          // the same vertex in all blocks, in order; none where it has one
@@ -426,7 +427,8 @@ __global__ void __launch_bounds__(most_threads, whole ? 2 : 1)
                            own.copies,
                            own.share,
                            frame.leader ? frame.leader + first : nullptr,
-                           count};
+                           count,
+                           frame.several[block]};
   const BlockScene<T> scene = scene_of_block<set>(frame, static_cast<int>(member), block, own);
   const unsigned long long done = frame.done + frame.ahead[member];
   const auto step_at = [&frame, &scene, done](int substep) {
@@ -470,7 +472,8 @@ __global__ void __launch_bounds__(most_threads, whole ? 2 : 1)
     sweep_effect<Effect, T>(view, x, frame.team, frame.linearizes, work);
   };
   const auto offset = [&] {
-    for (int i = lane; i < count; i += lanes) offset_local(x, i);
+    SIM_NO_UNROLL
+    for (int copy = lane; copy < x.several; copy += lanes) offset_copy(x, copy);
     __syncthreads();
   };
   for (int substep = 0; substep < frame.substeps; ++substep) {

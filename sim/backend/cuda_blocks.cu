@@ -254,7 +254,7 @@ class CudaBlocks final : public Ensemble {
 
   void place_vertices() {
     const LocalConstants<T> constants = layout_.constants(program_);
-    std::vector<int> local_begin = {0}, copy_begin, shared_end, gather_begin = {0}, gather;
+    std::vector<int> local_begin = {0}, copy_begin, several, shared_end, gather_begin = {0}, gather;
     for (const LocalVertex& local : layout_.locals()) {
       const auto& all = layout_.locals_of(local.vertex);
       if (all.size() > 1) gather.insert(gather.end(), all.begin(), all.end());
@@ -269,7 +269,8 @@ class CudaBlocks final : public Ensemble {
       raise(frame_.most_locals, locals.end - locals.begin);
       raise(frame_.most_shared, shared_end.back() - locals.begin);
       raise(frame_.most_copies, copies_here.end - copies_here.begin);
-      raise(frame_.most_carried, layout_.several_in(block).end - copies_here.begin);
+      several.push_back(layout_.several_in(block).end - copies_here.begin);
+      raise(frame_.most_carried, several.back());
       raise(frame_.most_gathered, gather_begin[locals.end] - gather_begin[locals.begin]);
     }
     const std::size_t all = static_cast<std::size_t>(members_) * local_count();
@@ -278,6 +279,7 @@ class CudaBlocks final : public Ensemble {
     frame_.all_copies = copy_count();
     frame_.carried = (carried_ = DeviceArray<Vec3<T>>(members_ * copy_count())).get();
     frame_.copy_begin = (copy_begin_ = DeviceArray<int>(copy_begin)).get();
+    frame_.several = (several_ = DeviceArray<int>(several)).get();
     frame_.parcels = (parcels_ = DeviceArray<Parcel<T>>(2 * all)).get();
     frame_.ahead = (ahead_ = DeviceArray<unsigned long long>(members_)).get();
     frame_.rest = (rest_ = DeviceArray<Vec3<T>>(constants.rest)).get();
@@ -463,7 +465,8 @@ class CudaBlocks final : public Ensemble {
   DeviceArray<Vec3<T>> u_, v_, carried_, rest_;
   DeviceArray<T> inverse_mass_, mobility_, share_;
   DeviceArray<CopyRange> copies_;
-  DeviceArray<int> leader_, local_begin_, copy_begin_, shared_end_, gather_begin_, gather_;
+  DeviceArray<int> leader_, local_begin_, copy_begin_, several_, shared_end_, gather_begin_,
+      gather_;
   DeviceArray<Parcel<T>> parcels_;
   DeviceArray<unsigned char> touching_;
   DeviceArray<unsigned long long> ahead_;

@@ -12,7 +12,7 @@
 //   static void check(params)                    optional: throws Refusal beyond the fields' ranges
 //
 // kind == element: a constraint C (rows values) on `arity` vertices with potential 1/2 k C^2, or,
-// with rows = 0, a force that is taken in full
+// with rows = 0, a force that is taken in full, before all constraints
 //   static constexpr int arity, rows;
 //   template <class T> struct Rest;              constant data of one element, numbers of type T
 //   static elements(model, params)               vertices of every element: a vector of arrays,
@@ -27,8 +27,6 @@
 //       back what one sweep of block Gauss-Seidel takes from its stiffness
 //   static constexpr bool has_reference = true;   optional: see Evaluation
 //   static constexpr bool needs_rate = true;     optional: no force at equilibrium
-//   static constexpr bool damps = true;          optional: opposes motion alone, and comes before
-//                                                all that do not
 //   static constexpr bool linear_in_motion = true;  optional: over a step the force is linear in d
 //   static constexpr bool loses_stiffness = true;   optional: a law that gives way when compressed,
 //                                                and turns inside out under a load that it cannot
@@ -121,9 +119,10 @@ inline constexpr int memory_of = [] {
   return 0;
 }();
 
+// Of element effects the others are forces.
 template <class Effect>
-inline constexpr bool damps = [] {
-  if constexpr (requires { Effect::damps; }) return Effect::damps;
+inline constexpr bool is_constraint = [] {
+  if constexpr (Effect::kind == EffectKind::element) return Effect::rows > 0;
   return false;
 }();
 

@@ -34,7 +34,6 @@ struct Viscosity {
   static constexpr int rows = 0;
   static constexpr double bound = 1.5;
   static constexpr bool needs_rate = true;
-  static constexpr bool damps = true;
   static constexpr bool linear_in_motion = true;  // F is that of the start of the step
 
   struct Params {};

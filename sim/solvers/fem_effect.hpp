@@ -118,7 +118,7 @@ class EffectTerm final : public FemTerm {
   }
 
   // Forces without a constraint are loads.
-  static double share(const FemFields& fields) { return Effect::rows > 0 ? 1.0 : fields.load; }
+  static double share(const FemFields& fields) { return is_constraint<Effect> ? 1.0 : fields.load; }
 
   // -d force / d x, its symmetric part.
   Matrix tangent(std::size_t e, const FemFields& fields) const {

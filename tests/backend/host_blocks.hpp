@@ -65,7 +65,7 @@ class HostBlocks final : public Solver {
         sweep_in_order(
             scenes_[block], [&]<class Effect>(const auto& view) { sweep<Effect>(view, x); },
             [&] {
-              for (int i = 0; i < x.count; ++i) offset_local(x, i);
+              for (int copy = 0; copy < x.several; ++copy) offset_copy(x, copy);
             });
         for (int i = 0; i < x.count; ++i) {
           sums.push_back(sum_of_copies(scenes_[block], x, VertexNow<T>(x, i)));
@@ -190,7 +190,8 @@ class HostBlocks final : public Solver {
             constants_.copies.data() + first,
             constants_.share.data() + first,
             constants_.leader.empty() ? nullptr : constants_.leader.data() + first,
-            locals.end - first};
+            locals.end - first,
+            layout_.several_in(block).end - copy};
   }
   // function(block's vertices, index among them, vertex)
   template <class Function>

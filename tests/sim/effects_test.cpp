@@ -61,11 +61,6 @@ Vec3<double> force_on(int vertex, const Evaluation<double, rows, arity>& out) {
   return force;
 }
 
-template <class Effect>
-constexpr bool is_constraint = [] {
-  if constexpr (Effect::kind == EffectKind::element) return Effect::rows > 0;
-  return false;
-}();
 // The corotational rows are given for a frozen rotation; only their sum is exact.
 template <class Effect>
 constexpr bool has_exact_rows = is_constraint<Effect> && !std::is_same_v<Effect, Corotational>;
