@@ -22,6 +22,8 @@ constexpr PixelType pixel_types[] = {{"MET_CHAR", "int8", 1},       {"MET_UCHAR"
                                      {"MET_LONG_LONG", "int64", 8}, {"MET_ULONG_LONG", "uint64", 8},
                                      {"MET_FLOAT", "float32", 4},   {"MET_DOUBLE", "float64", 8}};
 
+constexpr std::size_t longest_name = 254;  // MetaIO aborts the program at a longer one
+
 TextHeader read_lines(const HeaderChecks& checks) {
   HeaderLines lines(checks, 500);  // as many as MetaIO reads at once
   TextHeader header;
@@ -32,6 +34,10 @@ TextHeader read_lines(const HeaderChecks& checks) {
     const auto mark = line->find('=');
     if (mark == std::string::npos)
       checks.refuse("header", fmt::format("line '{}'", line->substr(0, 60)), "FIELD = VALUE");
+    if (mark > longest_name) {
+      checks.refuse("header", fmt::format("a field's name of {} characters", mark),
+                    fmt::format("at most {}", longest_name));
+    }
     const std::string name = trimmed(line->substr(0, mark));
     if (!header.fields.emplace(name, trimmed(line->substr(mark + 1))).second)
       checks.refuse(name, "given twice", "each field once");

@@ -240,6 +240,9 @@ void add_meta(Corpus& corpus) {
   corpus.add("meta_bomb.mha", "DimSize", with(head, "CompressedData = ", "True") + bomb(64));
   corpus.add("meta_cut.mha", "DimSize", head + data.substr(0, 30));
   corpus.add("meta_endless_line.mha", "header", "NDims = " + std::string(1 << 20, '3'));
+  corpus.add("meta_endless_file.mha", "ElementDataFile",
+             with(head, "ElementDataFile = ", std::string(300, 'f')) + data);
+  corpus.add("meta_endless_name.mha", "header", std::string(300, 'N') + " = 3\n" + head + data);
   corpus.add("meta_binary.mha", "header", std::string(400, '\0'));
 }
 
