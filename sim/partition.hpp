@@ -6,7 +6,7 @@
 // In a sweep a copy meets the elements of its own block only. Left at that, the stress between
 // blocks would tear the copies of a vertex apart in every substep, and elements be solved where no
 // vertex is. So a copy carries, as a displacement, what the other blocks do to it: half of it acts
-// before the sweep (behind effects that damp, since it is no motion) and half after, and what the
+// before the sweep (behind forces taken in full: it is no motion) and half after, and what the
 // sweep left between it and the average is added. The offsets of a vertex sum to zero, so momentum
 // is kept. They are the multipliers of the alternating direction method (Boyd et al., "Distributed
 // Optimization and Statistical Learning via the Alternating Direction Method of Multipliers", 2011,

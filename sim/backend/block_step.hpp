@@ -98,17 +98,23 @@ inline constexpr EffectSet all_effects = ~EffectSet{0};
 template <class... Named>
 inline constexpr EffectSet effect_set = ((EffectSet{1} << Effects::index_of<Named>()) | ...);
 
+// function.template operator()<Effect>(views) for every effect of a kind, named or not.
+template <EffectKind kind, EffectSet set, class T, class Function>
+constexpr void for_each_kind_of_view(const BlockScene<T>& scene, Function&& function) {
+  Effects::for_each([&]<class Effect, std::size_t index>() {
+    if constexpr (Effect::kind == kind && (set >> index & 1)) {
+      const Views<BlockView<Effect, T>>& views = scene.effects;
+      function.template operator()<Effect>(views);
+    }
+  });
+}
 // function.template operator()<Effect>(view, k) for every named effect of a kind, k counting them.
 template <EffectKind kind, EffectSet set = all_effects, class T, class Function>
 constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
   int k = 0;
-  Effects::for_each([&]<class Effect, std::size_t index>() {
-    if constexpr (Effect::kind == kind && (set >> index & 1)) {
-      const Views<BlockView<Effect, T>>& views = scene.effects;
-      SIM_NO_UNROLL
-      for (int i = 0; i < views.count; ++i)
-        function.template operator()<Effect>(views.items[i], k++);
-    }
+  for_each_kind_of_view<kind, set>(scene, [&]<class Effect>(const auto& views) {
+    SIM_NO_UNROLL
+    for (int i = 0; i < views.count; ++i) function.template operator()<Effect>(views.items[i], k++);
   });
 }
 
@@ -116,12 +122,8 @@ constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
 template <EffectSet set = all_effects, class T>
 SIM_HD bool has_forces(const BlockScene<T>& scene) {
   bool result = false;
-  Effects::for_each([&]<class Effect, std::size_t index>() {
-    if constexpr (Effect::kind == EffectKind::element && !is_constraint<Effect> &&
-                  (set >> index & 1)) {
-      const Views<BlockView<Effect, T>>& views = scene.effects;
-      result = result || views.count > 0;
-    }
+  for_each_kind_of_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& views) {
+    if constexpr (!is_constraint<Effect>) result = result || views.count > 0;
   });
   return result;
 }
@@ -216,10 +218,13 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
   }
 }
 
-// Gives a copy, one of x.several, what it carries (sweep_in_order).
+// Gives the copies what they carry (sweep_in_order), by `lanes` lanes of which this is `lane`.
 template <class T>
-SIM_HD void offset_copy(const BlockVertices<T>& x, int copy) {
-  x.d[copy].v += before_sweep(x.carried[copy]);
+SIM_HD void offset_copies(const BlockVertices<T>& x, int lane, int lanes) {
+  SIM_NO_UNROLL
+  for (int copy = lane; copy < x.several; copy += lanes) {
+    x.d[copy].v += before_sweep(x.carried[copy]);
+  }
 }
 
 // What the block has to say about a vertex: the sum over its copies, counted from where its

@@ -472,8 +472,7 @@ __global__ void __launch_bounds__(most_threads, whole ? 2 : 1)
     sweep_effect<Effect, T>(view, x, frame.team, frame.linearizes, work);
   };
   const auto offset = [&] {
-    SIM_NO_UNROLL
-    for (int copy = lane; copy < x.several; copy += lanes) offset_copy(x, copy);
+    offset_copies(x, lane, lanes);
     __syncthreads();
   };
   for (int substep = 0; substep < frame.substeps; ++substep) {

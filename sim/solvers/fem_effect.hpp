@@ -77,7 +77,7 @@ class EffectTerm final : public FemTerm {
       }
       forces.add_energy(element_force<Effect>(rest(e), memory_of_element(e), u, d, force));
       for (int i = 0; i < arity; ++i) {
-        if constexpr (Effect::rows > 0) {
+        if constexpr (is_constraint<Effect>) {
           forces.add(vertices_[e][i], force[i]);
         } else {
           forces.add_loose(vertices_[e][i], share(fields) * force[i]);

@@ -64,9 +64,7 @@ class HostBlocks final : public Solver {
         }
         sweep_in_order(
             scenes_[block], [&]<class Effect>(const auto& view) { sweep<Effect>(view, x); },
-            [&] {
-              for (int copy = 0; copy < x.several; ++copy) offset_copy(x, copy);
-            });
+            [&] { offset_copies(x, 0, 1); });
         for (int i = 0; i < x.count; ++i) {
           sums.push_back(sum_of_copies(scenes_[block], x, VertexNow<T>(x, i)));
         }
