@@ -10,6 +10,7 @@
 #include "sim/backend/cpu_regions.hpp"
 #include "sim/backend/cpu_self_contact.hpp"
 #include "sim/backend/pace.hpp"
+#include "sim/solvers/volume_bound.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -59,6 +60,8 @@ class CpuSolver final : public Solver {
         constants_(SweepConstants<T>::of(options)),
         team_(thread_count(options.threads, model)),
         paced_(options.threads == 0 && team_.most() > 1),
+        bounded_(options.method == Method::pbd ? BoundedTets<T>() : BoundedTets<T>(model, scene)),
+        found_(team_.most()),
         n_(layout_.vertices),
         u_(n_),
         d_(n_),
@@ -163,6 +166,8 @@ class CpuSolver final : public Solver {
     Lap lap(rank == 0 ? &seconds_ : nullptr);
     for (int substep = 0; substep < count; ++substep) {
       const Step<T> step = program_.step(step_ + substep);
+      const int of_frame = static_cast<int>((step_ + substep) % program_.substeps);
+      if (of_frame % VolumeBound::scan_every == 0) watch_volumes(rank, false);
       begin(mine);
       apply_forces(mine);
       apply_motions(mine, step);
@@ -181,6 +186,7 @@ class CpuSolver final : public Solver {
         lap.took(effect);
       });
       rub_contacts(mine, step);
+      bound_volumes(rank, of_frame + 1 == program_.substeps);
       end(mine);
       lap.took(step_part);
     }
@@ -335,6 +341,65 @@ class CpuSolver final : public Solver {
     });
   }
 
+  // Lists the tets that are near the bound on compression (solvers/volume_bound.hpp): by where the
+  // substep begins, or with `moved` by where it has led to.
+  void watch_volumes(int rank, bool moved) {
+    if (bounded_.vertices.empty()) return;
+    team_.barrier();
+    const Range tets = part_of({0, static_cast<int>(bounded_.vertices.size())}, rank, team_.size());
+    auto& found = found_[rank];
+    found.clear();
+    for (int t = tets.begin; t < tets.end; ++t) {
+      const MovingTet<T> tet = moving_tet(t);
+      const T strain = moved ? tet.strain_after() : tet.strain_before();
+      if (strain < T(VolumeBound::watched - 1.0)) found.push_back(t);
+    }
+    team_.barrier();
+    if (rank == 0) {
+      watched_.clear();
+      for (int r = 0; r < team_.size(); ++r) {
+        watched_.insert(watched_.end(), found_[r].begin(), found_[r].end());
+      }
+    }
+    team_.barrier();
+  }
+
+  // One thread: the list is short, and the result depends on its order.
+  void bound_volumes(int rank, bool last_of_frame) {
+    if (last_of_frame) watch_volumes(rank, true);
+    if (watched_.empty()) return;
+    team_.barrier();
+    if (rank == 0) {
+      repeat_over_watched(VolumeBound::pushes, [](MovingTet<T>& tet) { return tet.push(); });
+      repeat_over_watched(VolumeBound::halts, [](MovingTet<T>& tet) { return tet.halt(); });
+    }
+    team_.barrier();
+  }
+  // Until correct(tet) has changed none, at most so many times.
+  template <class Correct>
+  void repeat_over_watched(int at_most, Correct&& correct) {
+    bool changed = true;
+    for (int pass = 0; changed && pass < at_most; ++pass) {
+      changed = false;
+      for (const int t : watched_) {
+        MovingTet<T> tet = moving_tet(t);
+        if (!correct(tet)) continue;
+        for (int i = 0; i < 4; ++i) d_[bounded_.vertices[t][i]].v = tet.d[i];
+        changed = true;
+      }
+    }
+  }
+  MovingTet<T> moving_tet(int t) const {
+    MovingTet<T> tet{.rest_inverse = bounded_.rest_inverse[t]};
+    for (int i = 0; i < 4; ++i) {
+      const int v = bounded_.vertices[t][i];
+      tet.u[i] = u_[v].v;
+      tet.d[i] = d_[v].v;
+      tet.w[i] = d_[v].w;
+    }
+    return tet;
+  }
+
   // function.operator()<Effect>(device, correction) for every contact effect that is on.
   template <class Function>
   void for_each_contact(Function&& function) {
@@ -366,6 +431,9 @@ class CpuSolver final : public Solver {
   Team team_;
   Pace pace_;
   bool paced_;  // threads are ours to choose
+  BoundedTets<T> bounded_;
+  std::vector<std::vector<int>> found_;  // [threads] near the bound, of each thread's part
+  std::vector<int> watched_;             // all of them, in order
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;
