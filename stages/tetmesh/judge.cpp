@@ -114,8 +114,31 @@ constexpr double keeping_ratio = 1.5;
 // than d / (2 sqrt(2 ln 2)).
 const double keeping_sigma = 0.5 / std::sqrt(2.0 * std::log(2.0));
 
-double keeping_cell_size(const LostPart& part) {
-  return keeping_ratio * part.thickness;
+// What would keep a part, or several. Of a shell that smoothing cut off nobody knows how thin the
+// neck was.
+struct Keeping {
+  std::optional<double> cell_size, sigma;  // mm; sigma only where the default takes it
+
+  void add(const LostPart& part) {
+    if (part.detached_volume > 0.0) return;
+    cell_size = std::min(cell_size.value_or(HUGE_VAL), keeping_ratio * part.thickness);
+    if (!part.smoothed_away) return;
+    sigma = std::min(sigma.value_or(HUGE_VAL), keeping_sigma * part.thickness);
+  }
+  std::string text() const {
+    return fmt::format("cell_size: {:.2g} mm{}", *cell_size,
+                       sigma ? fmt::format(" and sigma: {:.2g} mm", *sigma) : "");
+  }
+  void write(Json& entry) const {
+    entry["cell_size_mm"] = cell_size ? Json(*cell_size) : Json();
+    entry["sigma_mm"] = sigma ? Json(*sigma) : Json();
+  }
+};
+
+Keeping keeping(const LostPart& part) {
+  Keeping one;
+  one.add(part);
+  return one;
 }
 
 Json to_json(const LostPart& part) {
@@ -123,9 +146,8 @@ Json to_json(const LostPart& part) {
              {"depth_mm", part.depth},
              {"thickness_mm", part.thickness},
              {"ml", part.volume / 1000.0},
-             {"detached_ml", part.detached_volume / 1000.0},
-             {"cell_size_mm", keeping_cell_size(part)}};
-  entry["sigma_mm"] = part.smoothed_away ? Json(keeping_sigma * part.thickness) : Json();
+             {"detached_ml", part.detached_volume / 1000.0}};
+  keeping(part).write(entry);
   return entry;
 }
 
@@ -137,14 +159,8 @@ Json to_json(const std::vector<LostPart>& parts) {
 
 std::string why_lost(const LostPart& part) {
   if (part.detached_volume > 0.0) return "cut off the body by smoothing";
-  if (part.smoothed_away) {
-    return fmt::format(
-        "{:.1f} mm at its narrowest, which smoothing removes (kept by sigma: {:.2g} "
-        "mm and cells of {:.2g} mm)",
-        part.thickness, keeping_sigma * part.thickness, keeping_cell_size(part));
-  }
-  return fmt::format("{:.1f} mm at its narrowest (kept by cells of {:.2g} mm)", part.thickness,
-                     keeping_cell_size(part));
+  return fmt::format("{:.1f} mm at its narrowest{} (kept by {})", part.thickness,
+                     part.smoothed_away ? ", which smoothing removes" : "", keeping(part).text());
 }
 
 bool has_label_near(const LabelImage& image, const Vec& place) {
@@ -185,7 +201,7 @@ Loss all_lost(const Wanted& wanted, const std::optional<SurfaceDistance>& distan
 }
 
 void warn_of(const Loss& loss, double lost_volume, double share, double cell_size,
-             std::optional<double> keeping) {
+             const Keeping& keeping) {
   for (std::size_t n = 0; n < std::min(warned, loss.parts.size()); ++n) {
     const LostPart& part = loss.parts[n];
     const auto& [x, y, z] = part.place;
@@ -200,7 +216,7 @@ void warn_of(const Loss& loss, double lost_volume, double share, double cell_siz
   log::warn("{} lost parts, {:.3g} ml ({:.2g} %) in all, up to {:.1f} mm ({:.1f} cells) away{}",
             loss.parts.size(), lost_volume / 1000.0, 100.0 * share, loss.farthest,
             loss.farthest / cell_size,
-            keeping ? fmt::format("; cell_size: {:.2g} mm would keep them", *keeping) : "");
+            keeping.cell_size ? fmt::format("; {} would keep them", keeping.text()) : "");
 }
 
 // Of a mesh made elsewhere only the surface says.
@@ -215,23 +231,24 @@ Json judge_lost(StageRun& run, const Wanted& wanted, double cell_size,
                 const std::optional<SurfaceDistance>& distance) {
   const Loss loss = all_lost(wanted, distance);
   double lost_volume = 0.0;
-  std::optional<double> keeping;
+  Keeping all;
   for (const LostPart& part : loss.parts) {
     lost_volume += part.volume;
-    keeping = std::min(keeping.value_or(HUGE_VAL), keeping_cell_size(part));
+    all.add(part);
   }
   const double share = lost_volume / asked_volume(wanted);
-  warn_of(loss, lost_volume, share, cell_size, keeping);
+  warn_of(loss, lost_volume, share, cell_size, all);
   run.gate("lost_volume", share, "<=", run.param<double>("max_lost_volume"));
   run.gate("lost_distance", loss.farthest / cell_size, "<=", run.param<double>("max_lost_distance"),
            "cell sizes");
-  return {{"beyond_mm", lost_beyond * cell_size},
-          {"ml", lost_volume / 1000.0},
-          {"share", share},
-          {"farthest_mm", loss.farthest},
-          {"farthest_at", loss.place},
-          {"cell_size_mm", keeping ? Json(*keeping) : Json()},
-          {"parts", to_json(loss.parts)}};
+  Json report{{"beyond_mm", lost_beyond * cell_size},
+              {"ml", lost_volume / 1000.0},
+              {"share", share},
+              {"farthest_mm", loss.farthest},
+              {"farthest_at", loss.place},
+              {"parts", to_json(loss.parts)}};
+  all.write(report);
+  return report;
 }
 
 SurfaceDistance judge_distance(StageRun& run, const TetMesh& mesh, const Wanted& wanted,

@@ -169,11 +169,14 @@ TEST_F(Tetmesh, PartsOfTheLabelThatTheMeshLacksFailItsGatesAndAreAllListed) {
 TEST_F(Tetmesh, APartThatSmoothingTakesIsSaidToNeedASmallerSigma) {
   const LabelImage image = testing::draw(96, {1.0, 1.0, 1.0}, [](double x, double y, double z) {
     const bool strand = x > 0.0 && x < 42.0 && y > 0.0 && y < 1.0 && z > 0.0 && z < 1.0;
-    return strand || std::hypot(x, y, z) < 18.0 ? 1 : 0;
+    return strand || std::hypot(x, y, z) < 12.0 ? 1 : 0;
   });
   const auto outcome = run(write(image), {"cell_size=3mm"});
   EXPECT_EQ(outcome.code, 5) << outcome.log;
   EXPECT_NE(outcome.log.find("which smoothing removes"), std::string::npos) << outcome.log;
+  EXPECT_NE(outcome.log.find("cell_size: 1.5 mm and sigma: 0.42 mm would keep them"),
+            std::string::npos)
+      << outcome.log;
   const Json lost = testing::read_json(out() / "quality.json")["lost"];
   ASSERT_EQ(lost["parts"].size(), 1u);
   EXPECT_NEAR(lost["parts"][0]["sigma_mm"].get<double>(), 1.0 / 2.355, 0.01);
@@ -181,6 +184,10 @@ TEST_F(Tetmesh, APartThatSmoothingTakesIsSaidToNeedASmallerSigma) {
   EXPECT_EQ(run(write(image), {"cell_size=3mm", "max_lost_distance=20", "max_lost_volume=1%"}).code,
             0)
       << "a part that is meant to go may be let go";
+  fs::remove_all(out());
+  const auto kept = run(write(image), {"cell_size=1.5mm", "sigma=0.42mm"});
+  EXPECT_EQ(kept.code, 0) << kept.log;
+  EXPECT_TRUE(testing::read_json(out() / "quality.json")["lost"]["parts"].empty()) << kept.log;
 }
 
 TEST_F(Tetmesh, OfASurfaceAloneTheLostPartsHaveTheirVolumeToo) {

@@ -34,7 +34,8 @@ viscera.lostSum = function (report) {
   const short = value => viscera.number(Number(value.toPrecision(2)));
   return ` The mesh lacks ${short(lost.ml)} ml, ${short(100 * lost.share)} % of the label, up to ` +
     `${short(lost.farthest_mm)} mm away` +
-    (lost.cell_size_mm ? `; a cell size of ${short(lost.cell_size_mm)} mm would keep it.` : ".");
+    (lost.cell_size_mm ? `; a cell size of ${short(lost.cell_size_mm)} mm` +
+      (lost.sigma_mm ? ` with a sigma of ${short(lost.sigma_mm)} mm` : "") + " would keep it." : ".");
 };
 
 // `mark(i)` points out part i in the 3D view, undefined none; it is absent without the view.
@@ -47,7 +48,8 @@ viscera.lostTable = function (report, mark) {
     ["Missing in", "#away, mm", "#thickness, mm", "#size", "#kept by cells of, mm",
      "#place, LPS mm"],
     parts.map(part => [head(part.found), number(mm(part.away)), number(mm(part.thickness)),
-                       number(part.size), number(mm(part.cells)), number(part.at.map(x => x.toFixed(1)).join(", "))]));
+                       number(part.size), number(mm(part.cells)),
+                       number(part.at.map(x => x.toFixed(1)).join(", "))]));
   const rows = byId("lost-table").tBodies[0].rows;
   parts.forEach((part, i) => {
     if (!mark) return;
@@ -59,6 +61,6 @@ viscera.lostTable = function (report, mark) {
   byId("lost-box").open = parts.length <= 10;
   byId("lost-note").textContent = "Parts of the labels farther from the surface, or from the mesh, " +
     "than it may leave them: too thin for the smoothing or for the cells. A finer cell size, or a " +
-    "smaller sigma, keeps them." + viscera.lostSum(report) + (mark ? " The 3D view rings the places; a row points its own out."
-                                         : "");
+    "smaller sigma, keeps them." + viscera.lostSum(report) +
+    (mark ? " The 3D view rings the places; a row points its own out." : "");
 };
