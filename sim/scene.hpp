@@ -42,7 +42,8 @@ struct Scene {
   }
 };
 
-// Throws Refusal for a time grid, a direction or a parameter that makes no sense.
+// Throws Refusal for a time grid, a direction or a parameter that makes no sense, alone or with the
+// effects beside it.
 void check_scene(const Scene& scene);
 
 }  // namespace viscera::sim

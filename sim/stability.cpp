@@ -76,6 +76,10 @@ void switch_form(const Model& model, Scene& scene) {
 
 }  // namespace
 
+double squared_gradients(const Mat3<double>& rest_inverse) {
+  return shape_of(rest_inverse).spread;
+}
+
 Stability assess(const Model& model, const Scene& scene, Method method) {
   Stability result;
   StabilityLimit cs = {"Cs", 0.0, cs_limit, 0};

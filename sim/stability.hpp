@@ -11,7 +11,8 @@
 //   are on, together (lambda + 2 mu for a law alone): explicit dynamics (TLED) is unstable above 1
 //   at rest. A tet's stiffness over its lumped mass has no eigenvalue above 4 M/rho sum |g_i|^2, no
 //   mode of the mesh is faster than that of its fastest tet (Irons and Treharne 1971), and central
-//   differences need dt w <= 2. A tenth is kept for deformation. Elastic beds are not counted.
+//   differences need dt w <= 2. A tenth is kept for deformation; explicit_limit.hpp says whether it
+//   is enough. Elastic beds are not counted.
 //
 // The laws of six rows, springs, volume and fibres are implicit under XPBD and PBD: a cube with
 // random velocities stayed bounded at every Cs tried, to 4. A Prony branch beside them did so to 2;
@@ -50,6 +51,9 @@ struct Stability {
   double substeps_needed = 1.0;  // per frame, to keep it; a whole number
   std::size_t switched = 0;      // tets that the corotational law has from Neo-Hookean elasticity
 };
+
+// sum |g_i|^2 of a tet with this B, 1/m2.
+double squared_gradients(const Mat3<double>& rest_inverse);
 
 Stability assess(const Model& model, const Scene& scene, Method method = Method::xpbd);
 

@@ -7,9 +7,10 @@
 // being pressed flat, at the price of a penetration of the order of g dt^2; with friction last,
 // what sticks does not creep.
 //
-// Restitution e: a vertex that arrived with the normal speed v, above the slowest that rebounds,
-// leaves with at least e v. Below, what presses on a resting vertex would make it jump. With e = 0
-// the impact of a vertex is inelastic: what rebounds is the body.
+// Restitution e, of free particles: a vertex that arrived with the normal speed v, above the
+// slowest that rebounds, leaves with at least e v. Below, what presses on a resting vertex would
+// make it jump. With e = 0 the impact of a vertex is inelastic. Vertices that elements tie together
+// are given no e > 0 (check_scene refuses it): the rebound of a body is that of its material.
 #pragma once
 
 #include "sim/effects/effect.hpp"
@@ -26,13 +27,14 @@ struct Roughness {
 // The part of an obstacle's Params that says how rough it is.
 struct Finish {
   double friction = 0.3;       // Coulomb coefficient
-  double restitution = 0.0;    // speed after an impact over speed before it
+  double restitution = 0.0;    // of free particles: speed after an impact over speed before it
   double rebound_speed = 0.1;  // m/s; slower impacts do not rebound
 
   static constexpr auto fields() {
     return std::tuple{
         Field{"friction", "1", &Finish::friction, 0.0, 1e3, "Coulomb friction coefficient"},
-        Field{"restitution", "1", &Finish::restitution, 0.0, 1.0, "speed kept in an impact"},
+        Field{"restitution", "1", &Finish::restitution, 0.0, 1.0,
+              "of free particles: speed kept in an impact; refused for bodies"},
         Field{"rebound_speed", "m/s", &Finish::rebound_speed, 0.0, 1e3, "slowest that rebounds"}};
   }
   template <class T>

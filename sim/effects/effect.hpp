@@ -26,6 +26,10 @@
 //   template <class T> static void stiffen(Rest<T>&, const T (&mobility)[arity])   optional: gives
 //       back what one sweep of block Gauss-Seidel takes from its stiffness
 //   static constexpr bool has_reference = true;   optional: see Evaluation
+//   static constexpr bool projectable = false;   optional: PBD is refused it, which has no
+//   compliance:
+//                                                constraints that do not vanish at rest one by one,
+//                                                and what is nothing without its modulus
 //   static constexpr bool needs_rate = true;     optional: no force at equilibrium
 //   static constexpr bool linear_in_motion = true;  optional: over a step the force is linear in d
 //   static constexpr bool loses_stiffness = true;   optional: a law that gives way when compressed,
@@ -85,7 +89,8 @@ namespace viscera::sim {
 
 enum class EffectKind { force, motion, element, region, self_contact, contact };
 
-// Whether PBD can solve an effect: its constraints vanish at rest one by one.
+// Whether PBD may solve an effect: its constraints vanish at rest one by one, and state a shape,
+// not a law.
 template <class Effect>
 inline constexpr bool is_projectable = [] {
   if constexpr (requires { Effect::projectable; }) return Effect::projectable;

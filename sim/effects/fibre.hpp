@@ -20,6 +20,7 @@ struct Fibre {
   static constexpr EffectKind kind = EffectKind::element;
   static constexpr int arity = 4;
   static constexpr int rows = 1;
+  static constexpr bool projectable = false;  // its stiffness is a parameter, which PBD has not
 
   struct Params {
     double stiffness = required;               // Pa, Young's modulus that the fibres add

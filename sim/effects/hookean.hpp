@@ -12,7 +12,8 @@
 //
 // so that sum k C^2 / 2 = V Psi. With de = sym(G^T dF) the gradient of C_r is dC_r/dF = G B_r, B_r
 // the r-th matrix of the basis: G = I, F or R makes the linear, the St. Venant-Kirchhoff and the
-// corotational law. All strains vanish at rest one by one: PBD may solve them.
+// corotational law. All strains vanish at rest one by
+// one, but PBD is refused them: solved row after row without lambda and mu they are no law.
 #pragma once
 
 #include "sim/effects/neo_hookean.hpp"
@@ -93,6 +94,7 @@ struct Hookean {
   static constexpr EffectKind kind = EffectKind::element;
   static constexpr int arity = 4;
   static constexpr int rows = 6;
+  static constexpr bool projectable = false;  // a law is its moduli, of which PBD has none
 
   struct Params {};
   static constexpr auto fields() { return std::tuple{}; }

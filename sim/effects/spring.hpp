@@ -16,6 +16,7 @@ struct Spring {
   static constexpr EffectKind kind = EffectKind::element;
   static constexpr int arity = 1;
   static constexpr int rows = 3;
+  static constexpr bool projectable = false;  // its stiffness is a parameter, which PBD has not
 
   struct Params : Selection {
     double stiffness = required;  // N/m3

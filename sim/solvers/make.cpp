@@ -44,8 +44,9 @@ void check_options(const Scene& scene, const SolverOptions& options) {
   Effects::for_each([&]<class Effect, std::size_t i>() {
     if (std::get<i>(scene.effects).empty() || is_projectable<Effect>) return;
     throw Refusal(Refusal::Cause::scene, std::string("effects.") + Effect::name, "solver pbd",
-                  "effects whose constraints vanish at rest",
-                  "name distance, volume or shape_matching, or use solver xpbd");
+                  "distance, volume or shape_matching: PBD has no compliance, so it solves no law "
+                  "that has a modulus and no constraint that does not vanish at rest",
+                  "name one of these in its place, or use solver xpbd, tled or fem");
   });
 }
 

@@ -59,10 +59,17 @@ bool is_at_hand(const StageRun& run, const Json& point) {
   return device == "cpu" || sim::find_cuda_device().name;
 }
 
+// How near PBD happens to come with one stiffness and substep says nothing of its error with
+// others.
+bool has_compliance(const Json& point) {
+  return point.at("setting").value("solver", "xpbd") != "pbd";
+}
+
 // What to do where no point on this mesh gets there.
 std::string remedy_for(const Json& scene, double accuracy_mm) {
   for (const auto& point : scene.at("points")) {
     if (point.at("failed") != "" || !point.at("total_mm").is_number()) continue;
+    if (!has_compliance(point)) continue;
     if (point["total_mm"].get<double>() + doubt_of(scene) > accuracy_mm) continue;
     return fmt::format("take the study's mesh of {} tets, on which {} reaches it",
                        point.at("tets").get<int>(), point.at("label").get<std::string>());
@@ -83,8 +90,9 @@ std::vector<const Json*> reaching(const StageRun& run, const Json& scene, double
   const Json* nearest = nullptr;
   const auto error = [](const Json& point) { return point.at("total_mm").get<double>(); };
   for (const auto& point : scene.at("points")) {
-    const bool counts = point.at("mesh_sha256") == mesh && point.at("failed") == "" &&
-                        point.at("total_mm").is_number() && is_at_hand(run, point);
+    const bool counts = has_compliance(point) && point.at("mesh_sha256") == mesh &&
+                        point.at("failed") == "" && point.at("total_mm").is_number() &&
+                        is_at_hand(run, point);
     if (!counts) continue;
     if (!nearest || error(point) < error(*nearest)) nearest = &point;
     if (error(point) + doubt <= accuracy_mm) all.push_back(&point);

@@ -57,7 +57,8 @@ Stepped take_frame(sim::Solver& solver, bool steps) {
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                    const Schedule& schedule,
                    const std::function<void(const Frame&, const sim::State&)>& keep,
-                   const std::function<void(const Outcome&)>& kept, Outcome start) {
+                   const std::function<void(const Outcome&)>& kept, Outcome start,
+                   const std::function<std::string(const sim::State&)>& objects) {
   Outcome outcome = std::move(start);
   const bool resumed = !outcome.frames.empty();
   if (resumed) solver.set_state(outcome.last);
@@ -104,6 +105,7 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                 .step_ms = 1e3 * stepped.step_s};
     frame.now = timed(aside.diagnosis, [&] { return diagnose(model, scene, state); });
     outcome.divergence = why_diverged(state, frame.now, size);
+    if (objects && !begins && outcome.divergence.empty()) outcome.divergence = objects(state);
     if (!outcome.divergence.empty()) return outcome;
     frame.state_hash = timed(aside.diagnosis, [&] { return state.hash(); });
     timed(aside.writing, [&] { keep(frame, state); });

@@ -45,9 +45,12 @@ struct Outcome {
 // `keep` is called for every good frame, the first included, `kept` after it with all so far. Body
 // and scene, with which the solver was made, go through the schedule from its start on. `start`
 // holds what an interrupted run had reached; empty: the run begins with the solver's state.
+// `objects` says of a frame after the first why the run may not go on from it: a divergence; empty:
+// it may.
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                    const Schedule& schedule,
                    const std::function<void(const Frame&, const sim::State&)>& keep,
-                   const std::function<void(const Outcome&)>& kept = {}, Outcome start = {});
+                   const std::function<void(const Outcome&)>& kept = {}, Outcome start = {},
+                   const std::function<std::string(const sim::State&)>& objects = {});
 
 }  // namespace viscera

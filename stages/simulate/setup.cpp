@@ -7,6 +7,7 @@
 #include "stages/simulate/accuracy.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/outcome_report.hpp"
+#include "stages/simulate/solver_choice.hpp"
 #include "stages/simulate/stiffness.hpp"
 
 namespace viscera {
@@ -84,6 +85,7 @@ SceneFile scene_of(const StageRun& run, const Json& changes) {
   }
   if (run.has_param("substeps")) file.scene.time.substeps = run.param<int>("substeps");
   if (run.has_param("end")) file.scene.time.end_s = run.param<double>("end");
+  check_what_pbd_ignores(run, file);
   return file;
 }
 

@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
+#include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
 #include "sim/refusal.hpp"
 
@@ -103,6 +106,47 @@ sim::SolverOptions solver_options(const StageRun& run) {
   options.fem.tolerance = run.param<double>("fem_tolerance");
   options.fem.order = run.param<int>("fem_order");
   return options;
+}
+
+void check_what_pbd_ignores(const StageRun& run, const SceneFile& file) {
+  if (solver_options(run).method != Method::pbd) return;
+  const auto refuse = [&](const std::string& field, const std::string& found) {
+    throw Error(ExitCode::bad_config,
+                {.where = run.input("scene").string(),
+                 .field = field,
+                 .found = found + ", under solver pbd, which has no compliance: its stiffness is "
+                                  "decided by the iterations and the substep, not by E and nu",
+                 .allowed = "solver xpbd, tled or fem",
+                 .remedy = "use solver xpbd with effects.neo_hookean, or leave it out"});
+  };
+  const auto differ = [](const sim::Material& a, const sim::Material& b) {
+    return a.youngs_modulus != b.youngs_modulus || a.poisson_ratio != b.poisson_ratio;
+  };
+  if (run.has_input("stiffness")) refuse("input stiffness", "a volume of measured E");
+  for (const auto& [name, value] : run.params().at("change").items()) {
+    if (name.starts_with("materials.") && (name.ends_with(".E") || name.ends_with(".nu"))) {
+      refuse("change." + name, value.dump());
+    }
+  }
+  for (const auto& change : file.schedule) {
+    for (const auto& [name, material] : change.materials) {
+      if (!differ(material, file.materials.at(name))) continue;
+      refuse("schedule", fmt::format("another E or nu of {} from {:g} s on", name, change.at_s));
+    }
+  }
+  for (const auto& expected : file.expect) {
+    if (expected.metric == "displacement_max_end") {
+      refuse("expect." + expected.metric, "a bound on a displacement");
+    }
+  }
+  const auto other = std::ranges::find_if(file.materials, [&](const auto& entry) {
+    return differ(entry.second, file.materials.begin()->second);
+  });
+  if (other == file.materials.end()) return;
+  log::warn(
+      "solver pbd does not see that the E or nu of {} and {} differ: all are as stiff as "
+      "iterations and substeps make them",
+      file.materials.begin()->first, other->first);
 }
 
 std::unique_ptr<sim::Solver> choose_solver(StageRun& run, const sim::Model& model,

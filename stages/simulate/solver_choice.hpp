@@ -3,12 +3,19 @@
 
 #include "sim/solvers/make.hpp"
 #include "stages/common/stage_main.hpp"
+#include "stages/simulate/scene_file.hpp"
 
 namespace viscera {
 
 std::vector<Param> solver_params();
 
 sim::SolverOptions solver_options(const StageRun& run);
+
+// Position based dynamics has no compliance: how stiff a body is is decided by `stiffness`, the
+// iterations and the substep. Throws Error(bad_config) where a run under PBD asks for what E or nu
+// decides: a measured E, another E or nu on purpose or on the way, a displacement that is expected.
+// Warns where materials differ in what PBD does not see.
+void check_what_pbd_ignores(const StageRun& run, const SceneFile& file);
 
 // The solver on the device that the parameters name. `auto` falls back to the CPU and says so.
 // Throws sim::Refusal.

@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <chrono>
 #include <fstream>
+#include <functional>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
+#include "sim/explicit_limit.hpp"
 #include "sim/stability.hpp"
 #include "sim/start.hpp"
 #include "stages/common/tet_io.hpp"
@@ -125,6 +127,43 @@ void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& 
   log::info("viscosity is lowered on {:.1f} % of the tets to stay stable", 100.0 * share);
 }
 
+// Explicit dynamics of a body that has grown stiffer than it was at rest: how many substeps it
+// needs now. The time grid is fixed, so a run whose steps are too long ends.
+class ExplicitWatch {
+ public:
+  ExplicitWatch(const sim::Model& model, const sim::Scene& scene) : model_(model), scene_(scene) {}
+
+  // Why the run may not go on from this state.
+  std::string operator()(const sim::State& state) {
+    const sim::ExplicitLimit limit = sim::explicit_limit(model_, scene_, state);
+    if (!limit.exact || limit.courant <= allowed) return "";
+    const bool first = !objected_;
+    objected_ = true;
+    if (scene_.stability != sim::StabilityPolicy::warn) return explain(limit);
+    if (first) log::warn("{}", explain(limit));
+    return "";
+  }
+  bool objected() const { return objected_; }
+  // What a run that ended otherwise had been short of in its last good state.
+  std::string explain(const sim::State& last) const {
+    return explain(sim::explicit_limit(model_, scene_, last));
+  }
+
+ private:
+  std::string explain(const sim::ExplicitLimit& limit) const {
+    return fmt::format(
+        "a Courant number of {:.2f} as deformed then, where explicit steps blow up above 1: "
+        "time.substeps of {:.0f} or more are needed in place of {}",
+        limit.courant, limit.substeps_needed, scene_.time.substeps);
+  }
+
+  // Some of the steps to the next frame are taken further deformed.
+  static constexpr double allowed = 0.95;
+  const sim::Model& model_;
+  const sim::Scene& scene_;
+  bool objected_ = false;
+};
+
 void simulate(StageRun& run) {
   auto [file, mesh, model] = set_up(run);
   const Schedule schedule(file);
@@ -160,7 +199,10 @@ void simulate(StageRun& run) {
   if (!start.frames.empty()) {
     log::info("goes on at t {:.3f} s, where it was interrupted", start.frames.back().time_s);
   }
-  const Outcome outcome = run_frames(
+  ExplicitWatch watch(model, file.scene);
+  std::function<std::string(const sim::State&)> objects;
+  if (solver_options(run).method == sim::Method::tled) objects = std::ref(watch);
+  Outcome outcome = run_frames(
       *solver, model, file.scene, schedule,
       [&](const Frame& frame, const sim::State& state) {
         const std::vector<float> positions = positions_mm(model, state);
@@ -168,7 +210,10 @@ void simulate(StageRun& run) {
         metrics.add(frame);
         resume.add(positions);
       },
-      [&](const Outcome& so_far) { resume.note(so_far); }, std::move(start));
+      [&](const Outcome& so_far) { resume.note(so_far); }, std::move(start), objects);
+  if (objects && !outcome.divergence.empty() && !watch.objected()) {
+    outcome.divergence += ", after " + watch.explain(outcome.last);
+  }
   trajectory.finish();
   write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s());
   metrics.close(run.out("metrics.csv"));

@@ -72,14 +72,14 @@ Json deviation_json(const Deviation& deviation) {
   return {{"rms_mm", deviation.rms}, {"max_mm", deviation.max}, {"max_at", deviation.place}};
 }
 
-// The farthest of the thin parts that smoothing swallowed, and how many there are.
-Json lost_json(const std::vector<LostPart>& lost) {
-  constexpr std::size_t listed = 20;
+// The thin parts that smoothing swallowed, the farthest first: all of them.
+Json lost_json(const std::vector<LostPart>& lost, double voxel_volume) {
   Json list = Json::array();
-  for (std::size_t part = 0; part < std::min(lost.size(), listed); ++part) {
-    list.push_back({{"distance_mm", lost[part].distance},
-                    {"voxels", lost[part].voxels},
-                    {"place_mm", lost[part].place}});
+  for (const LostPart& part : lost) {
+    list.push_back({{"distance_mm", part.distance},
+                    {"voxels", part.voxels},
+                    {"ml", static_cast<double>(part.voxels) * voxel_volume / 1000.0},
+                    {"place_mm", part.place}});
   }
   return {{"parts", lost.size()}, {"farthest", list}};
 }
@@ -168,7 +168,7 @@ SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, cons
                         {"surface_to_voxels", deviation_json(distance.to_voxels)},
                         {"remeshed", remeshed},
                         {"thin_voxels", thin_voxels},
-                        {"lost", lost_json(distance.lost)}});
+                        {"lost", lost_json(distance.lost, mask.frame.voxel_volume())}});
   const auto none = [&](const char* what, std::size_t count) {
     run.gate(name + what, static_cast<double>(count), "<=", 0.0);
   };
@@ -226,7 +226,7 @@ void run_surface(StageRun& run) {
 Stage surface_stage() {
   Stage stage;
   stage.info = {.name = "surface",
-                .version = "2",
+                .version = "3",
                 .doc = "A label volume to one smooth closed surface per label.",
                 .inputs = {{.role = "labels",
                             .doc = "labels.nrrd of viscera-labels (background around each label)"}},

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "pipeline/contract/log.hpp"
 #include "stages/tetmesh/topology.hpp"
@@ -42,7 +43,6 @@ void sample(const Kernel::Triangle_3& t, double spacing, Visit visit) {
     }
 }
 
-constexpr double lost_beyond = 0.5;  // cell sizes from the mesh
 constexpr int most_shrinkings = 40;
 
 class Nearest {
@@ -149,7 +149,7 @@ class Losses {
     for (std::size_t s = bodies; s < shells.size() && shells[s].volume > 0.0; ++s) {
       LostPart part = describe(shells[s].triangles);
       if (part.depth <= lost_beyond * scale_.cell_size) continue;
-      part.detached_volume = shells[s].volume;
+      part.volume = part.detached_volume = shells[s].volume;
       add(part, shells[s].triangles);
     }
   }
@@ -169,9 +169,34 @@ class Losses {
       patches[sheets[f]].push_back(number[f]);
     }
     for (const auto& patch : patches) {
-      const LostPart part = describe(patch);
+      LostPart part = describe(patch);
+      part.volume = volume_under(patch);
       if (part.thickness < scale_.cell_size) add(part, patch);
     }
+  }
+
+  // Between a patch and the flat lid on its rim: by the divergence theorem, seen from the middle of
+  // the rim, to which the lid adds nothing.
+  double volume_under(const std::vector<int>& patch) const {
+    std::map<std::array<int, 2>, int> sides;  // of an edge
+    for (const int t : patch)
+      for (int e = 0; e < 3; ++e) {
+        const int a = surface_.triangles[t][e], b = surface_.triangles[t][(e + 1) % 3];
+        ++sides[{std::min(a, b), std::max(a, b)}];
+      }
+    Vec middle{};
+    int ends = 0;
+    for (const auto& [edge, count] : sides)
+      if (count == 1)
+        for (const int p : edge) middle = viscera::add(middle, surface_.points[p]), ++ends;
+    if (ends > 0) middle = scale(1.0 / ends, middle);
+    double six_volumes = 0.0;
+    for (const int t : patch) {
+      const auto& [a, b, c] = surface_.triangles[t];
+      six_volumes += dot(sub(surface_.points[a], middle),
+                         cross(sub(surface_.points[b], middle), sub(surface_.points[c], middle)));
+    }
+    return std::max(0.0, six_volumes / 6.0);
   }
 
   LostPart describe(const std::vector<int>& triangles) {
@@ -210,6 +235,19 @@ SurfaceDistance surface_distance(const TetMesh& mesh, const SurfaceMesh& surface
   SurfaceDistance found{all_of(boundary, there, all), all_of(wanted, back, all), {}, losses.find()};
   found.to_mesh_kept = all_of(wanted, back, [&](std::size_t t) { return !losses.holds(t); });
   return found;
+}
+
+std::vector<double> distances_from_boundary(const TetMesh& mesh, const std::vector<Vec>& points) {
+  const Triangles boundary = triangles_of(mesh.points, boundary_triangles(mesh));
+  Nearest on_mesh(boundary);
+  std::vector<double> distances;
+  distances.reserve(points.size());
+  for (const auto& [x, y, z] : points) {
+    const Kernel::Point_3 p(x, y, z);
+    distances.push_back(std::sqrt(CGAL::squared_distance(p, on_mesh(p))));
+    if (distances.size() % 1024 == 0) log::check_interrupt();
+  }
+  return distances;
 }
 
 }  // namespace viscera

@@ -13,14 +13,19 @@ struct Deviation {
   std::array<double, 3> place{};  // of the largest one
 };
 
-// A piece of the surface that the mesh does not have, more than half a cell away from it.
+// Distance from the mesh, in cell sizes, beyond which a part of what was asked for counts as lost.
+inline constexpr double lost_beyond = 0.5;
+
+// A piece of the surface, or of the label (label_loss.hpp), that the mesh does not have.
 struct LostPart {
   double depth = 0.0;             // mm, the farthest place's distance from the mesh
   std::array<double, 3> place{};  // that place
-  // Diameter of the largest ball inside (a ridge) or outside (a groove) that touches the surface
-  // anywhere in this part (Ma, Bae and Choi 2012), mm.
+  // Of a surface: diameter of the largest ball inside (a ridge) or outside (a groove) that touches
+  // the surface anywhere in this part (Ma, Bae and Choi 2012), mm.
   double thickness = 0.0;
+  double volume = 0.0;           // mm3, of what the mesh lacks; 0 for a groove
   double detached_volume = 0.0;  // mm3, of a whole shell that smoothing cut off the body; else 0
+  bool smoothed_away = false;    // no cell size would keep it: the smoothed label lacks it too
 };
 
 struct SurfaceDistance {
@@ -39,5 +44,9 @@ struct DistanceScale {
 
 SurfaceDistance surface_distance(const TetMesh& mesh, const SurfaceMesh& surface,
                                  const DistanceScale& scale);
+
+// The distance of every point from the boundary of the mesh, whichever side it is on.
+std::vector<double> distances_from_boundary(const TetMesh& mesh,
+                                            const std::vector<std::array<double, 3>>& points);
 
 }  // namespace viscera

@@ -260,6 +260,17 @@ MeshJob::Result MeshJob::build(double cell_size, const Mesh3Options& mesh3,
   return result;
 }
 
+LabelLoss MeshJob::loss(const TetMesh& mesh, double cell_size) const {
+  const auto smoothed_away = [this](std::size_t v) {
+    const Frame& frame = image_->frame;
+    const std::size_t nx = frame.size[0], ny = frame.size[1];
+    return by_fields_ && fields_->at({static_cast<double>(v % nx) * frame.spacing[0],
+                                      static_cast<double>(v / nx % ny) * frame.spacing[1],
+                                      static_cast<double>(v / (nx * ny)) * frame.spacing[2]}) == 0;
+  };
+  return find_label_loss(*image_, mesh, cell_size, smoothed_away);
+}
+
 double MeshJob::expected_tets(double cell_size) const {
   const double uniform = estimate_tets(body_volume_, cell_size, lattice_ * cell_size);
   if (!by_fields_ || sizes_.uniform()) return uniform;

@@ -8,6 +8,7 @@
 
 #include "stages/common/stage_main.hpp"
 #include "stages/tetmesh/improve.hpp"
+#include "stages/tetmesh/label_loss.hpp"
 #include "stages/tetmesh/mesh.hpp"
 #include "stages/tetmesh/size_field.hpp"
 #include "stages/tetmesh/topology.hpp"
@@ -30,6 +31,10 @@ class MeshJob {
   const std::map<int, std::string>& names() const { return names_; }
   std::size_t bodies() const { return bodies_; }
   const std::optional<MaterialFields>& fields() const { return fields_; }
+  const std::optional<LabelImage>& labels() const { return image_; }
+
+  // What `mesh` lacks of the labels; they must have been given.
+  LabelLoss loss(const TetMesh& mesh, double cell_size) const;
 
   // The mesh at one cell size (mm): refined, freed of slivers in the way that the parameters ask
   // for, its boundary manifold, materials and names set.

@@ -8,6 +8,7 @@
 #include "pipeline/contract/log.hpp"
 #include "stages/tetmesh/distance.hpp"
 #include "stages/tetmesh/topology.hpp"
+#include "stages/tetmesh/vec.hpp"
 
 namespace viscera {
 namespace {
@@ -105,32 +106,158 @@ Json to_json(const Deviation& deviation) {
 
 constexpr std::size_t warned = 5;  // of the lost parts; quality.json names them all
 
-Json lost_parts(const std::vector<LostPart>& lost) {
-  Json list = Json::array();
-  for (const LostPart& part : lost) {
-    const bool detached = part.detached_volume > 0.0;
-    const auto& [x, y, z] = part.place;
-    list.push_back({{"at", part.place},
-                    {"depth_mm", part.depth},
-                    {"thickness_mm", part.thickness},
-                    {"detached_ml", part.detached_volume / 1000.0}});
-    if (list.size() > warned) continue;
-    log::warn(
-        "a part near ({:.1f}, {:.1f}, {:.1f}) mm is not in the mesh: {}, {:.1f} mm away", x, y, z,
-        detached
-            ? fmt::format("{:.3g} ml, cut off the body by smoothing", part.detached_volume / 1000.0)
-            : fmt::format("{:.1f} mm thick, thinner than the cell size", part.thickness),
-        part.depth);
+// Cells of at most this many times the narrowest place keep a part. Found with strands 4 and 6 mm
+// wide in voxels of 1 mm (3 and 5 mm at their narrowest, as balls go from voxel to voxel): cells of
+// 6 and 8 mm keep them, of 8 and 12 mm do not; sheets of 4 mm are kept by 12 mm.
+constexpr double keeping_ratio = 1.5;
+// A Gaussian leaves a strand of d mm more than half of its value in the middle where sigma is less
+// than d / (2 sqrt(2 ln 2)).
+const double keeping_sigma = 0.5 / std::sqrt(2.0 * std::log(2.0));
+
+// What would keep a part, or several. Of a shell that smoothing cut off nobody knows how thin the
+// neck was.
+struct Keeping {
+  std::optional<double> cell_size, sigma;  // mm; sigma only where the default takes it
+
+  void add(const LostPart& part) {
+    if (part.detached_volume > 0.0) return;
+    cell_size = std::min(cell_size.value_or(HUGE_VAL), keeping_ratio * part.thickness);
+    if (!part.smoothed_away) return;
+    sigma = std::min(sigma.value_or(HUGE_VAL), keeping_sigma * part.thickness);
   }
+  std::string text() const {
+    return fmt::format("cell_size: {:.2g} mm{}", *cell_size,
+                       sigma ? fmt::format(" and sigma: {:.2g} mm", *sigma) : "");
+  }
+  void write(Json& entry) const {
+    entry["cell_size_mm"] = cell_size ? Json(*cell_size) : Json();
+    entry["sigma_mm"] = sigma ? Json(*sigma) : Json();
+  }
+};
+
+Keeping keeping(const LostPart& part) {
+  Keeping one;
+  one.add(part);
+  return one;
+}
+
+Json to_json(const LostPart& part) {
+  Json entry{{"at", part.place},
+             {"depth_mm", part.depth},
+             {"thickness_mm", part.thickness},
+             {"ml", part.volume / 1000.0},
+             {"detached_ml", part.detached_volume / 1000.0}};
+  keeping(part).write(entry);
+  return entry;
+}
+
+Json to_json(const std::vector<LostPart>& parts) {
+  Json list = Json::array();
+  for (const LostPart& part : parts) list.push_back(to_json(part));
   return list;
 }
 
-Json judge_distance(StageRun& run, const TetMesh& mesh, const Wanted& wanted) {
+std::string why_lost(const LostPart& part) {
+  if (part.detached_volume > 0.0) return "cut off the body by smoothing";
+  return fmt::format("{:.1f} mm at its narrowest{} (kept by {})", part.thickness,
+                     part.smoothed_away ? ", which smoothing removes" : "", keeping(part).text());
+}
+
+bool has_label_near(const LabelImage& image, const Vec& place) {
+  const Vec p = image.frame.from_lps(place);
+  std::array<int, 3> lo{}, hi{};
+  for (int a = 0; a < 3; ++a) {
+    const double at = p[a] / image.frame.spacing[a];
+    lo[a] = std::max(0, static_cast<int>(std::floor(at)));
+    hi[a] = std::min(image.frame.size[a] - 1, static_cast<int>(std::ceil(at)));
+  }
+  for (int k = lo[2]; k <= hi[2]; ++k)
+    for (int j = lo[1]; j <= hi[1]; ++j)
+      for (int i = lo[0]; i <= hi[0]; ++i)
+        if (image.voxels[image.frame.index(i, j, k)] != 0) return true;
+  return false;
+}
+
+// What was asked for and is not in the mesh: of the labels, where they are given, and of the
+// surface what they do not have.
+struct Loss {
+  double farthest = 0.0;  // mm
+  Vec place{};
+  std::vector<LostPart> parts;  // the farthest first
+};
+
+Loss all_lost(const Wanted& wanted, const std::optional<SurfaceDistance>& distance) {
+  Loss loss{wanted.loss.farthest, wanted.loss.place, wanted.loss.parts};
+  if (!distance) return loss;
+  if (!wanted.labels) {
+    loss.farthest = distance->to_mesh.max;
+    loss.place = distance->to_mesh.place;
+  }
+  for (const LostPart& part : distance->lost)
+    if (!wanted.labels || !has_label_near(*wanted.labels, part.place)) loss.parts.push_back(part);
+  std::stable_sort(loss.parts.begin(), loss.parts.end(),
+                   [](const auto& a, const auto& b) { return a.depth > b.depth; });
+  return loss;
+}
+
+void warn_of(const Loss& loss, double lost_volume, double share, double cell_size,
+             const Keeping& keeping) {
+  for (std::size_t n = 0; n < std::min(warned, loss.parts.size()); ++n) {
+    const LostPart& part = loss.parts[n];
+    const auto& [x, y, z] = part.place;
+    log::warn(
+        "a part near ({:.1f}, {:.1f}, {:.1f}) mm is not in the mesh: {:.3g} ml, {:.1f} mm "
+        "away, {}",
+        x, y, z, part.volume / 1000.0, part.depth, why_lost(part));
+  }
+  if (loss.parts.size() > warned)
+    log::warn("and {} more lost parts: quality.json names them all", loss.parts.size() - warned);
+  if (loss.parts.empty()) return;
+  log::warn("{} lost parts, {:.3g} ml ({:.2g} %) in all, up to {:.1f} mm ({:.1f} cells) away{}",
+            loss.parts.size(), lost_volume / 1000.0, 100.0 * share, loss.farthest,
+            loss.farthest / cell_size,
+            keeping.cell_size ? fmt::format("; {} would keep them", keeping.text()) : "");
+}
+
+// Of a mesh made elsewhere only the surface says.
+double asked_volume(const Wanted& wanted) {
+  if (wanted.body_volume > 0.0) return wanted.body_volume;
+  double sum = 0.0;
+  for (const auto& shell : find_shells(*wanted.surface)) sum += std::abs(shell.volume);
+  return sum;
+}
+
+Json judge_lost(StageRun& run, const Wanted& wanted, double cell_size,
+                const std::optional<SurfaceDistance>& distance) {
+  const Loss loss = all_lost(wanted, distance);
+  double lost_volume = 0.0;
+  Keeping all;
+  for (const LostPart& part : loss.parts) {
+    lost_volume += part.volume;
+    all.add(part);
+  }
+  const double share = lost_volume / asked_volume(wanted);
+  warn_of(loss, lost_volume, share, cell_size, all);
+  run.gate("lost_volume", share, "<=", run.param<double>("max_lost_volume"));
+  run.gate("lost_distance", loss.farthest / cell_size, "<=", run.param<double>("max_lost_distance"),
+           "cell sizes");
+  Json report{{"beyond_mm", lost_beyond * cell_size},
+              {"ml", lost_volume / 1000.0},
+              {"share", share},
+              {"farthest_mm", loss.farthest},
+              {"farthest_at", loss.place},
+              {"parts", to_json(loss.parts)}};
+  all.write(report);
+  return report;
+}
+
+SurfaceDistance judge_distance(StageRun& run, const TetMesh& mesh, const Wanted& wanted,
+                               Json& report) {
   const double edge = mean_boundary_edge(mesh);
-  const auto found = surface_distance(mesh, *wanted.surface,
-                                      {.spacing = sample_spacing * edge,
-                                       .cell_size = wanted.cell_size.value_or(edge),
-                                       .bodies = wanted.bodies});
+  auto found = surface_distance(mesh, *wanted.surface,
+                                {.spacing = sample_spacing * edge,
+                                 .cell_size = wanted.cell_size.value_or(edge),
+                                 .bodies = wanted.bodies});
   log::info(
       "mesh to surface: rms {:.3f}, max {:.2f} mm; surface to mesh: rms {:.3f}, max {:.2f} mm",
       found.to_surface.rms, found.to_surface.max, found.to_mesh.rms, found.to_mesh.max);
@@ -138,10 +265,11 @@ Json judge_distance(StageRun& run, const TetMesh& mesh, const Wanted& wanted) {
     run.gate("max_distance", std::max(found.to_surface.max, found.to_mesh.max),
              "<=", run.param<double>("max_distance"), "mm");
   }
-  return {{"to_surface", to_json(found.to_surface)},
-          {"to_mesh", to_json(found.to_mesh)},
-          {"to_mesh_kept", to_json(found.to_mesh_kept)},
-          {"lost", lost_parts(found.lost)}};
+  report["distance"] = {{"to_surface", to_json(found.to_surface)},
+                        {"to_mesh", to_json(found.to_mesh)},
+                        {"to_mesh_kept", to_json(found.to_mesh_kept)},
+                        {"lost", to_json(found.lost)}};
+  return found;
 }
 
 Json judge_time_step(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& quality,
@@ -172,7 +300,12 @@ Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& qu
   report["volume"] = judge_volumes(run, mesh, quality, wanted);
   run.gate("min_dihedral", smallest, ">=", run.param<double>("min_dihedral"), "deg");
   report["topology"] = judge_topology(run, mesh, wanted);
-  if (wanted.surface) report["distance"] = judge_distance(run, mesh, wanted);
+  std::optional<SurfaceDistance> distance;
+  if (wanted.surface) distance = judge_distance(run, mesh, wanted, report);
+  if (wanted.labels || wanted.surface) {
+    report["lost"] =
+        judge_lost(run, wanted, wanted.cell_size.value_or(mean_boundary_edge(mesh)), distance);
+  }
   if (!wanted.time.materials.empty())
     report["time_step"] = judge_time_step(run, mesh, quality, wanted.time);
   if (wanted.tets)

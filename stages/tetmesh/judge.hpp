@@ -6,6 +6,7 @@
 
 #include "stages/common/stage_main.hpp"
 #include "stages/common/surface_mesh.hpp"
+#include "stages/tetmesh/label_loss.hpp"
 #include "stages/tetmesh/measure.hpp"
 #include "stages/tetmesh/time_step.hpp"
 
@@ -19,6 +20,8 @@ struct Wanted {
   std::optional<double> tets;
   std::optional<SurfaceMesh> surface;  // of the body
   std::optional<double> cell_size;     // mm
+  std::optional<LabelImage> labels;
+  LabelLoss loss;  // of the labels, where they are given
   TimeGoal time;
 };
 

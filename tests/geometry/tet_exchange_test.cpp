@@ -343,6 +343,8 @@ TEST(Distance, WhatTheMeshLacksIsListedByKind) {
   EXPECT_EQ(found.lost[1].detached_volume, 0.0);
   EXPECT_NEAR(found.lost[1].place[2], 4.0, 0.1);
   EXPECT_LT(found.lost[1].thickness, 0.15);
+  EXPECT_EQ(found.lost[0].volume, found.lost[0].detached_volume);
+  EXPECT_NEAR(found.lost[1].volume, 0.005, 1e-4) << "a pyramid of 3 mm on 0.005 mm2";
   EXPECT_LT(found.to_mesh_kept.max, 0.25);
   EXPECT_GT(found.to_mesh.max, 4.0);
 }

@@ -111,6 +111,100 @@ TEST_F(Tetmesh, APartThatTheMeshLacksIsNamedWithItsPlace) {
   EXPECT_LT(distance["to_mesh_kept"]["max_mm"].get<double>(), 0.5 * 6.0);
 }
 
+// A ball of 18 mm with 18 strands, 4 mm wide, that end 24 mm outside it.
+LabelImage ball_with_strands() {
+  return testing::draw(96, {1.0, 1.0, 1.0}, [](double x, double y, double z) {
+    const Vec p{x, y, z};
+    if (norm(p) < 18.0) return 1;
+    if (norm(p) > 42.0) return 0;
+    for (int way = 0; way < 27; ++way) {
+      const Vec along{way % 3 - 1.0, way / 3 % 3 - 1.0, way / 9 - 1.0};
+      const double length = norm(along);
+      if (length == 0.0 || length > 1.5 || dot(p, along) < 0.0) continue;
+      if (norm(cross(p, along)) / length < 2.0) return 1;
+    }
+    return 0;
+  });
+}
+
+TEST_F(Tetmesh, PartsOfTheLabelThatTheMeshLacksFailItsGatesAndAreAllListed) {
+  const auto outcome = run(write(ball_with_strands()),
+                           {"cell_size=12mm", "max_lost_distance=1.5", "max_volume_error=50%"});
+  EXPECT_EQ(outcome.code, 5) << outcome.log;
+  const Json lost = testing::read_json(out() / "quality.json")["lost"];
+  const std::size_t parts = lost["parts"].size();
+  ASSERT_GT(parts, 5u) << outcome.log;
+  for (const std::string& text :
+       {std::string("gate lost_volume"), std::string("gate lost_distance"),
+        "and " + std::to_string(parts - 5) + " more lost parts: quality.json names them all",
+        std::to_string(parts) + " lost parts, "})
+    EXPECT_NE(outcome.log.find(text), std::string::npos) << text << outcome.log;
+  const Vec centre = ball_with_strands().frame.to_lps({47.5, 47.5, 47.5});
+  double ml = 0.0, farthest = 0.0;
+  for (const auto& part : lost["parts"]) {
+    EXPECT_NEAR(norm(sub(part["at"].get<Vec>(), centre)), 41.0, 2.0) << "its end";
+    EXPECT_LE(part["thickness_mm"].get<double>(), 4.0);
+    EXPECT_GT(part["thickness_mm"].get<double>(), 1.4) << "askew a voxel's corners are in the way";
+    EXPECT_GT(part["ml"].get<double>(), 0.05);
+    EXPECT_LT(part["ml"].get<double>(), 12.6 * 24.0 / 1000.0 * 1.1);
+    EXPECT_TRUE(part["sigma_mm"].is_null());
+    ml += part["ml"].get<double>();
+    farthest = std::max(farthest, part["depth_mm"].get<double>());
+  }
+  EXPECT_NEAR(lost["ml"].get<double>(), ml, 1e-9);
+  EXPECT_NEAR(lost["farthest_mm"].get<double>(), farthest, 1e-9);
+  EXPECT_GT(farthest, 18.0);
+  // The cell size that it names keeps them.
+  const double keeping = lost["cell_size_mm"].get<double>();
+  EXPECT_GT(keeping, 2.0);
+  fs::remove_all(out());
+  const auto kept =
+      run(write(ball_with_strands()), {"cell_size=" + std::to_string(keeping) + "mm"});
+  EXPECT_EQ(kept.code, 0) << kept.log;
+  EXPECT_TRUE(testing::read_json(out() / "quality.json")["lost"]["parts"].empty());
+  EXPECT_EQ(kept.log.find("lost part"), std::string::npos) << kept.log;
+}
+
+// A strand of a voxel is gone before there is a mesh: no cell size alone would keep it.
+TEST_F(Tetmesh, APartThatSmoothingTakesIsSaidToNeedASmallerSigma) {
+  const LabelImage image = testing::draw(96, {1.0, 1.0, 1.0}, [](double x, double y, double z) {
+    const bool strand = x > 0.0 && x < 42.0 && y > 0.0 && y < 1.0 && z > 0.0 && z < 1.0;
+    return strand || std::hypot(x, y, z) < 12.0 ? 1 : 0;
+  });
+  const auto outcome = run(write(image), {"cell_size=3mm"});
+  EXPECT_EQ(outcome.code, 5) << outcome.log;
+  EXPECT_NE(outcome.log.find("which smoothing removes"), std::string::npos) << outcome.log;
+  EXPECT_NE(outcome.log.find("cell_size: 1.5 mm and sigma: 0.42 mm would keep them"),
+            std::string::npos)
+      << outcome.log;
+  const Json lost = testing::read_json(out() / "quality.json")["lost"];
+  ASSERT_EQ(lost["parts"].size(), 1u);
+  EXPECT_NEAR(lost["parts"][0]["sigma_mm"].get<double>(), 1.0 / 2.355, 0.01);
+  fs::remove_all(out());
+  EXPECT_EQ(run(write(image), {"cell_size=3mm", "max_lost_distance=20", "max_lost_volume=1%"}).code,
+            0)
+      << "a part that is meant to go may be let go";
+  fs::remove_all(out());
+  const auto kept = run(write(image), {"cell_size=1.5mm", "sigma=0.42mm"});
+  EXPECT_EQ(kept.code, 0) << kept.log;
+  EXPECT_TRUE(testing::read_json(out() / "quality.json")["lost"]["parts"].empty()) << kept.log;
+}
+
+TEST_F(Tetmesh, OfASurfaceAloneTheLostPartsHaveTheirVolumeToo) {
+  SurfaceMesh surface = testing::ball_surface(20.0), speck = testing::ball_surface(2.0);
+  for (auto& p : speck.points) p[0] += 30.0;
+  append(surface, speck);
+  const auto made = run(write(testing::ball_surface(20.0)), {"cell_size=6mm"});
+  ASSERT_EQ(made.code, 0) << made.log;
+  EXPECT_TRUE(testing::read_json(out() / "quality.json")["lost"]["parts"].empty());
+  fs::copy_file(out() / "mesh.vtu", folder_.path() / "made.vtu");
+  const auto outcome = testing::run_stage(
+      tetmesh_stage(), {"--in", "mesh=" + (folder_.path() / "made.vtu").string(), "--in",
+                        write(surface), "--set", "max_lost_volume=0.01%", "--out", out().string()});
+  EXPECT_EQ(outcome.code, 5) << outcome.log;
+  EXPECT_NE(outcome.log.find("gate lost_volume"), std::string::npos) << outcome.log;
+}
+
 TEST_F(Tetmesh, LabelsThatTouchTheBorderAreRefused) {
   const auto outcome = run(
       write(testing::draw(12, {1, 1, 1}, [](double, double, double z) { return z > 0 ? 1 : 0; })));

@@ -95,6 +95,8 @@ Outcome bad_numbers() {
        scene("frame NaN", [](Scene& s) { s.time.frame_s = nan_value; }),
        scene("substeps 0", [](Scene& s) { s.time.substeps = 0; }),
        scene("friction −0.1", [](Scene& s) { s.params<Ground>().front().friction = -0.1; }),
+       scene("restitution of a body 0.5",
+             [](Scene& s) { s.params<Ground>().front().restitution = 0.5; }),
        scene("friction NaN", [](Scene& s) { s.params<Ground>().front().friction = nan_value; }),
        scene("gravity ∞", [](Scene& s) { s.params<Gravity>().front().acceleration = 1.0 / 0.0; }),
        scene("normal 0", [](Scene& s) { s.params<Ground>().front().normal = {}; })});

@@ -43,6 +43,13 @@ inline const std::vector<KnownMiss> known_misses = [] {
       {"1/30 s with one substep, policy refuse", "pbd", "fp64", 1490},
       {"1/30 s with one substep, policy substeps", "pbd", "fp32", 1510},
       {"1/30 s with one substep, policy substeps", "pbd", "fp64", 1490},
+      // Backward Euler damps the impact: at 77 substeps a frame XPBD gives back 67.2 mm of 79.2, at
+      // 256 75.0, at 1,024 78.1; FEM at its two steps a frame next to nothing, at 64 58.7 of the
+      // 72.8 mm of a ball of 384 tets.
+      {"rebound of a ball of 50 kPa from 100 mm", "xpbd gauss_seidel", "", 5.07},
+      {"rebound of a ball of 50 kPa from 100 mm", "xpbd block_gauss_seidel", "", 4.55},
+      {"rebound of a ball of 50 kPa from 100 mm", "xpbd jacobi, split 4", "", 4.65},
+      {"rebound of a ball of 50 kPa from 100 mm", "fem", "", 33.3},
       // Newton stops at a saddle, at round-off of the residual, or in contact, and says so.
       {"mirror", "fem", "", 1.71e6},
       {"random scramble, 20 seeds, ν 0.3", "fem", "", 1},

@@ -129,6 +129,49 @@ TYPED_TEST(Obstacle, AVertexReboundsToTheSquareOfItsRestitution) {
   }
 }
 
+// Vertices that elements tie together do not rebound by it, so a scene may not ask for it.
+TYPED_TEST(Obstacle, ItsRestitutionIsRefusedForABodyByFieldWithWhatToUseInstead) {
+  const Model model = make_cube(1);
+  const auto refusal_of = [&](Scene scene, double e, Method method) -> std::string {
+    auto& params = scene.params<TypeParam>().emplace_back(
+        obstacle_at<TypeParam>(model.origin - Vec3<double>{0, 0, 0.2}, {0, 0, 1}, 0.1));
+    params.restitution = e;
+    try {
+      make_on_cpu(model, scene, {.method = method, .precision = Precision::fp64, .threads = 1});
+    } catch (const Refusal& refusal) {
+      EXPECT_EQ(refusal.cause, Refusal::Cause::scene);
+      EXPECT_NE(refusal.remedy.find("damping"), std::string::npos) << refusal.remedy;
+      return refusal.field;
+    }
+    return "";
+  };
+  const std::string field = std::string("effects.") + TypeParam::name + ".restitution";
+  for (const Method method : {Method::xpbd, Method::tled, Method::fem}) {
+    EXPECT_EQ(refusal_of(elastic_scene(), 0.5, method), field);
+    EXPECT_EQ(refusal_of(elastic_scene(), 0.0, method), "");
+  }
+  Scene springs = particle_scene(), shapes = particle_scene();
+  springs.params<Distance>().emplace_back();
+  shapes.params<ShapeMatching>().emplace_back();
+  EXPECT_EQ(refusal_of(springs, 0.5, Method::pbd), field);
+  EXPECT_EQ(refusal_of(shapes, 0.5, Method::pbd), field);
+  EXPECT_EQ(refusal_of(particle_scene(), 0.5, Method::xpbd), "");
+}
+
+TEST(Ground, ItsRestitutionIsRefusedForABodyAndTakenForParticles) {
+  const Model model = make_cube(1);
+  Scene body = drop_scene(), particles = particle_scene();
+  body.params<Ground>().front().restitution = 0.5;
+  particles.params<Ground>().emplace_back().restitution = 0.5;
+  try {
+    solver_for(model, body);
+    FAIL() << "made although its restitution would do nothing";
+  } catch (const Refusal& refusal) {
+    EXPECT_EQ(refusal.field, "effects.ground.restitution");
+  }
+  EXPECT_NO_THROW(solver_for(model, particles));
+}
+
 TYPED_TEST(Obstacle, VerticesThatAreNotInContactAreUntouched) {
   const Model model = make_cube(3);
   Scene with = elastic_scene(), without = elastic_scene();

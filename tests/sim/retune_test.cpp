@@ -49,7 +49,8 @@ struct Setting {
     ground.friction = 0.1 * stiffer;
     scene.params<Viscosity>().emplace_back();
     if (method == Method::pbd) {
-      scene.params<Corotational>().emplace_back();
+      scene.params<Distance>().emplace_back();
+      scene.params<Volume>().emplace_back();
     } else {
       scene.params<NeoHookean>().emplace_back();
       scene.params<Prony>().push_back({.modulus = 0.5, .time = 0.01 * stiffer});

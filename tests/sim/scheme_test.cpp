@@ -129,6 +129,30 @@ TEST(Options, ThatMakeNoSenseAreRefused) {
   }
 }
 
+// PBD has no compliance: what is defined by a modulus is nothing under it.
+TEST(Options, PbdIsRefusedWhatHasAModulusAndTakesWhatStatesAShape) {
+  const Model model = make_cube(1);
+  std::vector<std::string> taken, refused;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (Effect::kind == EffectKind::element || Effect::kind == EffectKind::region) {
+      Scene scene = particle_scene();
+      std::get<i>(scene.effects).push_back(sample_params<Effect>());
+      try {
+        make_on_cpu(model, scene, {.method = Method::pbd, .threads = 1});
+        taken.push_back(Effect::name);
+      } catch (const Refusal& refusal) {
+        EXPECT_EQ(refusal.field, std::string("effects.") + Effect::name);
+        EXPECT_NE(refusal.remedy.find("xpbd"), std::string::npos) << refusal.remedy;
+        refused.push_back(Effect::name);
+      }
+    }
+  });
+  EXPECT_EQ(refused, (std::vector<std::string>{"neo_hookean", "linear", "stvk", "corotational",
+                                               "fibre", "prony", "spring"}));
+  EXPECT_EQ(taken, (std::vector<std::string>{"viscosity", "pressure", "load", "distance", "volume",
+                                             "shape_matching"}));
+}
+
 TEST(Blocks, HoldEveryElementOnceAndGiveEveryVertexACopyInEach) {
   const Model model = make_cube(5);
   const Blocks blocks(model, 100);

@@ -48,6 +48,15 @@ TEST_F(Accuracy, TheCheapestSettingThatReachesItIsTaken) {
   EXPECT_EQ(metric("substeps"), 48) << "the reference's doubt counts";
 }
 
+// PBD has no compliance: that it comes near at one stiffness and substep says nothing.
+TEST_F(Accuracy, APointOfPbdIsNeverTaken) {
+  write_study({point("pbd", 8, 1.0, 0.01), point("xpbd", 40, 2.0, 0.35)});
+  ASSERT_EQ(run_with("0.5mm"), 0) << errors;
+  EXPECT_EQ(metric("accuracy_setting"), "xpbd");
+  write_study(Json::array({point("pbd", 8, 1.0, 0.01)}));
+  EXPECT_EQ(run_with("0.5mm"), 3);
+}
+
 TEST_F(Accuracy, IsRefusedWhenNoneReachesItNamingTheNearest) {
   auto failed = point("pbd", 8, 1.0, 0.01);
   failed["failed"] = "diverged";

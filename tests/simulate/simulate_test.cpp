@@ -182,6 +182,83 @@ TEST_F(Simulate, EverySolverIsAParameterAndAWrongOneIsRefused) {
   EXPECT_NE(errors.find("xpbd"), std::string::npos) << errors;
 }
 
+TEST_F(Simulate, RestitutionOfABodyIsRefusedWithWhatDecidesItsRebound) {
+  EXPECT_EQ(run(with(drop_scene, "friction: 0.3", "friction: 0.3, restitution: 0.5")), 3);
+  EXPECT_NE(errors.find("effects.ground.restitution"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("damping"), std::string::npos) << errors;
+  EXPECT_EQ(run(with(drop_scene, "friction: 0.3", "friction: 0.3, restitution: 0"),
+                {"--set", "end=0.05s"}),
+            0)
+      << errors;
+}
+
+// Stiffness under PBD is that of its iterations: what E decides is not asked of it.
+TEST_F(Simulate, PbdIsRefusedWhatOnlyAnElasticModulusDecides) {
+  const std::string springs = with(drop_scene, "  neo_hookean:", "  distance:\n  volume:");
+  const std::vector<std::string> pbd = {"--set", "solver=pbd", "--set", "end=0.05s"};
+  const auto refused = [&](const std::string& scene, std::vector<std::string> extra,
+                           const std::string& field) {
+    extra.insert(extra.begin(), pbd.begin(), pbd.end());
+    EXPECT_EQ(run(scene, extra), 3) << field;
+    EXPECT_NE(errors.find(field), std::string::npos) << errors;
+    EXPECT_NE(errors.find("use solver xpbd"), std::string::npos) << errors;
+  };
+  EXPECT_EQ(run(springs, pbd), 0) << errors;
+  EXPECT_EQ(errors.find("does not see"), std::string::npos) << errors;
+  refused(springs, {"--set", "change={materials.liver.E: 9 kPa}"}, "change.materials.liver.E");
+  refused(springs, {"--set", "change={materials.liver.nu: 0.3}"}, "change.materials.liver.nu");
+  refused(springs + "schedule:\n  - {at: 0.05 s, materials: {liver: {E: 9 kPa}}}\n", {},
+          "schedule");
+  refused(with(springs, "inverted_max: {max: 0}", "displacement_max_end: {max: 30}"), {},
+          "expect.displacement_max_end");
+  refused(springs, {"--in", "stiffness=" + path("mesh.vtu").string()}, "input stiffness");
+  refused(with(springs, "  distance:", "  corotational:"), {}, "effects.corotational");
+  // Of what cannot be known to matter it warns.
+  const std::string two =
+      with(springs, "effects:", "  tumour: {E: 15 kPa, nu: 0.45, density: 1060 kg/m3}\neffects:");
+  EXPECT_EQ(run(two, pbd), 0) << errors;
+  EXPECT_NE(errors.find("does not see that the E or nu of liver and tumour differ"),
+            std::string::npos)
+      << errors;
+}
+
+// A bar drawn to three times its length grows stiffer across: steps that are short enough at rest
+// no longer are.
+TEST_F(Simulate, AnExplicitRunThatItsDeformationMakesUnstableEndsWithTheSubstepsItNeeds) {
+  const std::string drawn = R"(scene: 1
+materials:
+  liver: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3, damping: 20 ms}
+effects:
+  neo_hookean:
+  viscosity:
+  fixed: {side: left}
+  prescribed: {side: right, displacement: [100 mm, 0 mm, 0 mm], duration: 0.4 s}
+time: {frame_rate: 60 Hz, substeps: 12, end: 0.5 s}
+rest: {speed: 0 m/s, hold: 0.1 s}
+stability: refuse
+)";
+  const auto needed = [&] {
+    const std::string words = "time.substeps of ";
+    const auto at = errors.find(words);
+    return at == std::string::npos ? 0 : std::stoi(errors.substr(at + words.size()));
+  };
+  const std::vector<std::string> tled = {"--set", "solver=tled"};
+  ASSERT_EQ(run(with(drawn, "[100 mm", "[1 mm"), tled), 0) << "at rest 12 are enough: " << errors;
+  int substeps = 12;
+  for (int attempt = 0;
+       attempt < 5 &&
+       run(with(drawn, "substeps: 12", "substeps: " + std::to_string(substeps)), tled) != 0;
+       ++attempt) {
+    EXPECT_EQ(manifest().exit, ExitCode::diverged);
+    EXPECT_NE(errors.find("Courant number"), std::string::npos) << errors;
+    ASSERT_GT(needed(), substeps) << errors;
+    ASSERT_LT(needed(), 200) << errors;
+    substeps = needed();
+  }
+  EXPECT_EQ(manifest().exit, ExitCode::ok) << errors;
+  EXPECT_GT(substeps, 12) << "the run that needs more was not ended";
+}
+
 TEST_F(Simulate, TheStabilityPolicyRefusesOrRaisesTheSubsteps) {
   const auto stiff = with(drop_scene, "E: 5 kPa", "E: 5 MPa");
   EXPECT_EQ(run(stiff + "stability: refuse\n"), 3);

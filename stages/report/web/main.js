@@ -149,7 +149,7 @@
     const ground = ((report.scene || {}).effects || {}).ground;
     if (ground && ground.normal) viewer.addGround(ground.normal, 1000 * ground.clearance);
     viscera.labelTable("labels", report, viewer.colours, viewer.setVisible);
-    const {parts} = viscera.lostParts(report);
+    const parts = viscera.lostParts(report);
     if (parts.length) {
       byId("lost-choice").hidden = false;
       viewer.addMarks(parts.map(part => part.at));

@@ -1,0 +1,99 @@
+// The limit of explicit dynamics of a deformed body: that it is where runs begin to blow up.
+#include "sim/explicit_limit.hpp"
+
+#include <gtest/gtest.h>
+
+#include "sim/stability.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+// A cube that its surface holds in a homogeneous stretch, which is an equilibrium.
+struct Stretched {
+  Model model = make_cube(5);
+  State state;
+
+  explicit Stretched(double stretch) {
+    const double across = 1.0 / std::sqrt(stretch);
+    state.u.resize(model.vertex_count());
+    state.v.resize(model.vertex_count());
+    for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+      const Vec3<double>& x = model.rest[i];
+      state.u[i] = {(stretch - 1.0) * x.x, (across - 1.0) * x.y, (across - 1.0) * x.z};
+      const double far = std::max({std::abs(x.x), std::abs(x.y), std::abs(x.z)});
+      model.fixed[i] = far > 0.0249;
+    }
+  }
+  // How far vertices come from where they were, over the size, with steps of this Courant number.
+  double drift(Scene scene, double courant) {
+    scene.time.frame_s *= courant / explicit_limit(model, scene, state).courant;
+    const auto solver = make_on_cpu(
+        model, scene, {.method = Method::tled, .precision = Precision::fp64, .threads = 1});
+    State start = state;
+    std::mt19937 random(1);
+    for (std::size_t i = 0; i < start.u.size(); ++i) {
+      if (!model.fixed[i]) start.u[i] += random_vector(random, 1e-7);
+    }
+    solver->set_state(start);
+    double largest = 0.0;
+    for (int frame = 0; frame < 20 && largest < 1.0; ++frame) {
+      solver->advance_frame();
+      const State now = solver->state();
+      for (std::size_t i = 0; i < now.u.size(); ++i) {
+        const double apart = norm(now.u[i] - state.u[i]) / model.size();
+        largest = apart <= largest ? largest : apart < 1.0 ? apart : 1.0;  // 1: or no number
+      }
+    }
+    return largest;
+  }
+};
+
+// With steps so long that it is exact.
+Scene long_steps(Scene scene) {
+  scene.time.frame_s = 1.0;
+  scene.time.substeps = 50;
+  return scene;
+}
+
+TEST(ExplicitLimit, IsWhereADeformedBodyBeginsToBlowUp) {
+  Scene neo_hookean = elastic_scene(), stvk, corotational, springs;
+  stvk.params<StVK>().emplace_back();
+  corotational.params<Corotational>().emplace_back();
+  springs.params<Distance>().emplace_back();
+  springs.params<Volume>().emplace_back();
+  for (const Scene& scene : {neo_hookean, stvk, corotational, springs}) {
+    for (const double stretch : {1.0, 1.6}) {
+      Stretched body(stretch);
+      EXPECT_LT(body.drift(long_steps(scene), 0.98), 1e-3) << stretch;
+      EXPECT_GT(body.drift(long_steps(scene), 1.06), 0.9) << stretch;
+    }
+  }
+}
+
+TEST(ExplicitLimit, GrowsAsABodyIsStretchedAndAsksForAsManyMoreSubsteps) {
+  const Scene scene = long_steps(elastic_scene());
+  const Stretched at_rest(1.0), stretched(3.0);
+  const ExplicitLimit before = explicit_limit(at_rest.model, scene, at_rest.state);
+  const ExplicitLimit after = explicit_limit(stretched.model, scene, stretched.state);
+  EXPECT_TRUE(before.exact && after.exact);
+  EXPECT_LE(before.courant, assess(at_rest.model, scene, Method::tled).courant_max);
+  EXPECT_GT(after.courant, 1.4 * before.courant);
+  EXPECT_NEAR(after.substeps_needed, std::ceil(50.0 * after.courant / courant_limit), 1.0);
+}
+
+// The bound by tet is taken for enough where it holds: it may not be below the fastest mode.
+TEST(ExplicitLimit, ItsBoundIsNoLowerThanTheFastestMode) {
+  for (const double stretch : {0.5, 1.0, 1.5, 3.0}) {
+    const Stretched body(stretch);
+    Scene scene = long_steps(elastic_scene());
+    const double exact = explicit_limit(body.model, scene, body.state).courant;
+    scene.time.frame_s *= 0.25 / exact;  // the bound then holds, unless it is four times too high
+    const ExplicitLimit bound = explicit_limit(body.model, scene, body.state);
+    EXPECT_FALSE(bound.exact) << stretch;
+    EXPECT_GE(bound.courant, 0.25 * (1.0 - 1e-3)) << stretch;
+  }
+}
+
+}  // namespace
+}  // namespace viscera::sim
