@@ -8,8 +8,10 @@
 // can only fall: damping, friction and impacts take from it. It may not rise above the least that
 // it has been by more than `energy_share` of the most motion that there has been (kinetic energy
 // and what is stored in tets, beds and branches), or by what strains the whole body by a
-// thousandth. The share covers what frames and steps leave undecided: an energy of the end of a
-// substep, and the work of a pressure from one frame to the next.
+// thousandth. The share
+// covers what frames and steps leave undecided: the energy at the end of a substep, and the work of
+// a pressure from one frame to the next. The phantom that lands (10,246 tets, damped or not, XPBD
+// in every order and explicit dynamics) rose by 1.3e-5 of its motion at most.
 //
 // Speed. Otherwise the energy that comes in is not known. Particles of an elastic body move as fast
 // as strain waves times the strain, so that none is faster than
@@ -31,7 +33,7 @@ namespace viscera::sim {
 
 class EnergyWatch {
  public:
-  static constexpr double energy_share = 0.5;
+  static constexpr double energy_share = 0.1;
   static constexpr double speed_factor = 3.0;
 
   // What it knows of the frames so far.
