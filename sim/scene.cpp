@@ -75,6 +75,8 @@ void check_scene(const Scene& scene) {
   require(scene.rest.speed >= 0.0, "rest.speed", std::to_string(scene.rest.speed),
           "0 m/s or more (0: never at rest)");
   require(scene.rest.hold_s >= 0.0, "rest.hold", std::to_string(scene.rest.hold_s), "0 s or more");
+  require(scene.rest.residual >= 0.0, "rest.residual", std::to_string(scene.rest.residual),
+          "0 or more (0: never at rest)");
   const std::string body = body_effect(scene);
   Effects::for_each([&]<class Effect, std::size_t i>() {
     for (const auto& params : std::get<i>(scene.effects)) {

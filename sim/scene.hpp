@@ -13,10 +13,13 @@ struct TimeGrid {
   double substep_s() const { return frame_s / substeps; }
 };
 
-// The body rests when its fastest vertex stays below `speed` for `hold_s`.
+// The body rests when for `hold_s` no effect has changed by itself any more, no tet has been
+// inverted, its fastest vertex has stayed below `speed`, and the force that it lacks of static
+// equilibrium has been at most `residual` of the loads (balance.hpp).
 struct RestCriterion {
-  double speed = 5e-3;   // m/s
-  double hold_s = 0.25;  // s
+  double speed = 5e-3;     // m/s
+  double hold_s = 0.25;    // s
+  double residual = 1e-3;  // 1
 };
 
 // What to do when the substeps are too few (stability.hpp).

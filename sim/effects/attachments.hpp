@@ -15,6 +15,8 @@ struct Fixed {
   struct Params : Selection {};
   static constexpr auto fields() { return fields_of<Params>(Selection::fields()); }
 
+  static double ends(const Params&) { return 0.0; }
+
   static std::vector<int> vertices(const Model& model, const Params& params) {
     return select_vertices(model, params, name);
   }
@@ -56,6 +58,10 @@ struct Prescribed {
     if (params.ramp == "smooth" || params.ramp == "linear") return;
     throw Refusal(Refusal::Cause::scene, "effects.prescribed.ramp", "'" + params.ramp + "'",
                   "smooth or linear");
+  }
+
+  static double ends(const Params& params) {
+    return norm(params.displacement) > 0.0 ? params.start + params.duration : 0.0;
   }
 
   static std::vector<int> vertices(const Model& model, const Params& params) {

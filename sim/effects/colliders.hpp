@@ -28,15 +28,22 @@ namespace viscera::sim {
 
 // The part of an obstacle's Params that says how it moves.
 struct Travel {
+  static constexpr double latest = 1e9;  // s: what stops then never does
+
   Vec3<double> velocity = {};  // m/s
   double start = 0.0;          // s
-  double stop = 1e9;           // s
+  double stop = latest;        // s
+
+  double ends() const {
+    if (norm(velocity) == 0.0 || stop <= start) return 0.0;
+    return stop < latest ? stop : never;
+  }
 
   static constexpr auto fields() {
     return std::tuple{
         Field{"velocity", "m/s", &Travel::velocity, -1e3, 1e3, "of the obstacle, LPS"},
-        Field{"start", "s", &Travel::start, 0.0, 1e9, "when it starts to move"},
-        Field{"stop", "s", &Travel::stop, 0.0, 1e9, "when it stops"}};
+        Field{"start", "s", &Travel::start, 0.0, latest, "when it starts to move"},
+        Field{"stop", "s", &Travel::stop, 0.0, latest, "when it stops"}};
   }
 };
 
@@ -225,6 +232,8 @@ struct Collider {
                   std::to_string(params.stop) + " s",
                   "not before its start at " + std::to_string(params.start) + " s");
   }
+
+  static double ends(const Params& params) { return params.Travel::ends(); }
 
   template <class T>
   struct Device {

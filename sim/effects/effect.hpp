@@ -11,6 +11,11 @@
 //   static constexpr auto fields();              tuple of Field: how the scene writes the params
 //   static void check(params)                    optional: throws Refusal beyond the fields' ranges
 //
+// kind == force, motion or contact, and an element effect with a history, which may change with
+// time while nothing else does:
+//   static double ends(params)                  s, from when on it no longer does so by itself;
+//                                                0: it never did, `never`: it goes on for ever
+//
 // kind == element: a constraint C (rows values) on `arity` vertices with potential 1/2 k C^2, or,
 // with rows = 0, a force that is taken in full, before all constraints
 //   static constexpr int arity, rows;
@@ -77,6 +82,7 @@
 //       is now; origin is the model's
 #pragma once
 
+#include <concepts>
 #include <limits>
 #include <string>
 #include <tuple>
@@ -122,6 +128,29 @@ template <class Effect>
 inline constexpr int memory_of = [] {
   if constexpr (requires { Effect::memory; }) return Effect::memory;
   return 0;
+}();
+
+// What ends() returns for an effect that goes on changing for as long as a scene can last.
+inline constexpr double never = std::numeric_limits<double>::infinity();
+
+// Whether the functions of an effect can see the time, or keep a memory of it.
+template <class Effect>
+inline constexpr bool may_change_with_time =
+    Effect::kind == EffectKind::force || Effect::kind == EffectKind::motion ||
+    Effect::kind == EffectKind::contact || memory_of < Effect >> 0;
+
+// What a run waits for before it may rest (loads_end in balance.hpp): an effect that may change
+// with time has to say until when it does. The registry refuses to compile one that does not.
+template <class Effect>
+concept StatesItsEnd = !may_change_with_time<Effect> || requires(const typename Effect::Params& p) {
+  { Effect::ends(p) } -> std::same_as<double>;
+};
+
+// Whether an element effect has no force at equilibrium.
+template <class Effect>
+inline constexpr bool needs_rate = [] {
+  if constexpr (requires { Effect::needs_rate; }) return Effect::needs_rate;
+  return false;
 }();
 
 // Of element effects the others are forces.

@@ -29,6 +29,8 @@ struct Gravity {
     Vec3<T> acceleration;
   };
 
+  static double ends(const Params&) { return 0.0; }
+
   static Vec3<double> vector(const Params& params) {
     const double length = norm(params.direction);
     return (length > 0.0 ? params.acceleration / length : 0.0) * params.direction;

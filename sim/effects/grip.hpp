@@ -46,6 +46,9 @@ struct Grip {
               "w omega^2 reach is the most that it pulls with"}};
   }
 
+  // A hand stands where it has been led to; while it is led (steer), the run is not over anyway.
+  static double ends(const Params&) { return 0.0; }
+
   template <class T>
   struct Device {
     Vec3<T> point, offset;     // m

@@ -28,6 +28,8 @@ struct Ground {
     require_direction(params.normal, "effects.ground.normal", "[0, 0, 1]");
   }
 
+  static double ends(const Params&) { return 0.0; }
+
   template <class T>
   struct Device {
     Vec3<T> normal;  // unit

@@ -28,6 +28,9 @@ namespace viscera::sim {
 
 template <class... All>
 struct EffectList {
+  static_assert((StatesItsEnd<All> && ...),
+                "an effect of the list has no static double ends(const Params&): see effect.hpp");
+
   // What a scene names: parameters of the effects that are on. An effect may be named several times
   // (two springs, three colliders).
   using Choice = std::tuple<std::vector<typename All::Params>...>;

@@ -39,6 +39,10 @@ struct Prony {
         Field{"time", "s", &Params::time, 1e-6, 1e6, "relaxation time"}};
   }
 
+  // What is left to relax is a force that equilibrium does not have: the residual (balance.hpp)
+  // holds it, whatever the strain that it relaxes from.
+  static double ends(const Params&) { return 0.0; }
+
   template <class T>
   struct Rest {
     Mat3<T> rest_inverse;  // B, 1/m

@@ -41,12 +41,6 @@ bool is_static(const FemOptions& options) {
 }
 
 template <class Effect>
-constexpr bool needs_rate = [] {
-  if constexpr (requires { Effect::needs_rate; }) return Effect::needs_rate;
-  return false;
-}();
-
-template <class Effect>
 constexpr bool loses_stiffness = [] {
   if constexpr (requires { Effect::loses_stiffness; }) return Effect::loses_stiffness;
   return false;

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <future>
+#include <optional>
 
 #include "pipeline/contract/log.hpp"
 
@@ -52,12 +53,56 @@ Stepped take_frame(sim::Solver& solver, bool steps) {
   return frame;
 }
 
+// Which conditions of rest hold in a frame. The residual takes a sweep over the tets, and is asked
+// for where nothing else keeps the body from resting, and in the last frame.
+class RestJudge {
+ public:
+  RestJudge(const sim::Model& model, const sim::Scene& scene, double loads_end_s)
+      : model_(model), scene_(scene), loads_end_s_(loads_end_s) {}
+
+  // Materials and parameters have changed: what held before counts no more.
+  void begin_setting(RestCourse& course) {
+    balance_.reset();
+    course = {};
+  }
+
+  // `now` is the state that follows those of `outcome`; `changed` says whether the schedule has
+  // come to its end, `last` whether this is the run's last frame.
+  void judge(const Frame& frame, const sim::State& now, bool changed, bool last, Outcome& outcome) {
+    RestCourse& course = outcome.rest;
+    const bool begins = outcome.frames.empty();
+    const double rounding = 1e-6 * scene_.time.frame_s, time_s = frame.time_s;
+    const auto note = [&](RestCondition condition, bool holds) {
+      course.note(condition, holds, time_s);
+      return holds;
+    };
+    bool quiet = note(RestCondition::loads, changed && time_s >= loads_end_s_ - rounding);
+    quiet &= note(RestCondition::tets, frame.now.inverted == 0);
+    quiet &= note(RestCondition::speed, !begins && frame.now.max_speed < scene_.rest.speed);
+    course.imbalance.reset();
+    if (!outcome.before.u.empty() && (quiet || last)) {
+      if (!balance_) balance_.emplace(model_, scene_);
+      course.imbalance = balance_->imbalance(outcome.before, outcome.last, now, frame.now.elastic);
+    }
+    note(RestCondition::residual,
+         course.imbalance &&
+             course.imbalance->residual <= scene_.rest.residual * course.imbalance->loads);
+  }
+
+ private:
+  const sim::Model& model_;
+  const sim::Scene& scene_;
+  double loads_end_s_;
+  std::optional<sim::Balance> balance_;
+};
+
 }  // namespace
 
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                    const Schedule& schedule,
                    const std::function<void(const Frame&, const sim::State&)>& keep,
                    const std::function<void(const Outcome&)>& kept, Outcome start,
+                   sim::Method method,
                    const std::function<std::string(const sim::State&)>& objects) {
   Outcome outcome = std::move(start);
   const bool resumed = !outcome.frames.empty();
@@ -68,6 +113,8 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
   for (const auto& frame : outcome.frames) most_elastic = std::max(most_elastic, frame.now.elastic);
   const int first_frame = resumed ? outcome.frames.back().index + 1
                                   : static_cast<int>(solver.state().step / scene.time.substeps);
+  std::optional<sim::EnergyWatch> watch;
+  RestJudge judge(model, scene, schedule.loads_end());
   // The next frame of a device, while this one is judged and written; waited for at the end.
   std::future<Stepped> ahead;
   std::size_t setting = 0;
@@ -76,13 +123,16 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     schedule.set(setting, model, scene);
     solver.retune(model, scene);
   }
-  for (int index = first_frame; index <= last_frame; ++index) {
+  watch.emplace(model, scene, method);
+  for (int index = first_frame; index <= last_frame && !outcome.rested; ++index) {
     const bool begins = outcome.frames.empty();
     if (const auto next = schedule.at((index - 1) * frame_s); next != setting) {
       setting = next;
       schedule.set(setting, model, scene);
       solver.retune(model, scene);
-      outcome.still_since_s = -1.0;
+      judge.begin_setting(outcome.rest);
+      watch.emplace(model, scene, method);
+      outcome.watch.begun = false;
       log::info("t {:.3f} s: the schedule's change {}", (index - 1) * frame_s, setting);
     }
     Stepped stepped;
@@ -106,29 +156,36 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     frame.now = timed(aside.diagnosis, [&] { return diagnose(model, scene, state); });
     outcome.divergence = why_diverged(state, frame.now, size);
     if (objects && !begins && outcome.divergence.empty()) outcome.divergence = objects(state);
+    if (outcome.divergence.empty()) {
+      outcome.divergence = timed(aside.diagnosis, [&] {
+        return watch->judge(begins ? nullptr : &outcome.last, state, frame.now, frame.time_s,
+                            outcome.watch);
+      });
+    }
     if (!outcome.divergence.empty()) return outcome;
     frame.state_hash = timed(aside.diagnosis, [&] { return state.hash(); });
     timed(aside.writing, [&] { keep(frame, state); });
 
     if (frame.contacts > 0 && outcome.contact_time_s < 0.0) outcome.contact_time_s = frame.time_s;
-    const bool still = !begins && frame.now.max_speed < scene.rest.speed;
-    if (!still) outcome.still_since_s = -1.0;
-    if (still && outcome.still_since_s < 0.0) outcome.still_since_s = frame.time_s;
+    timed(aside.diagnosis, [&] {
+      judge.judge(frame, state, setting + 1 == schedule.count(), index == last_frame, outcome);
+    });
     if (frame.now.elastic > most_elastic) {
       most_elastic = frame.now.elastic;
       outcome.most_deformed = state;
     }
     outcome.frames.push_back(frame);
+    outcome.before = std::move(outcome.last);
     outcome.last = std::move(state);
-    outcome.rested = still && frame.time_s - outcome.still_since_s >= scene.rest.hold_s - 1e-9 &&
-                     setting + 1 == schedule.count();
-    if (outcome.rested) outcome.rest_time_s = outcome.still_since_s;
+    const double still_since_s = outcome.rest.since();
+    outcome.rested =
+        still_since_s >= 0.0 && frame.time_s - still_since_s >= scene.rest.hold_s - 1e-9;
     if (kept) kept(outcome);
     log::progress("simulating", outcome.rested ? 1.0 : frame.time_s / scene.time.end_s,
                   fmt::format("t {:.2f} s, speed {:.1f} mm/s, {:.1f} ms a frame", frame.time_s,
                               1e3 * frame.now.max_speed, frame.step_ms));
-    if (outcome.rested) break;
   }
+  if (outcome.rested) outcome.rest_time_s = outcome.rest.since();
   if (ahead.valid()) ahead.wait();
   outcome.seconds = solver.seconds();
   return outcome;

@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "sim/diagnostics.hpp"
+#include "sim/energy_watch.hpp"
 #include "sim/solvers/solver.hpp"
+#include "stages/simulate/rest.hpp"
 #include "stages/simulate/schedule.hpp"
 
 namespace viscera {
@@ -33,24 +35,27 @@ struct Outcome {
   std::vector<Frame> frames;  // the first is the start
   bool rested = false;
   double contact_time_s = -1.0;  // first contact; negative: none
-  double still_since_s = -1.0;   // slower than the scene's rest since; negative: moving
-  double rest_time_s = -1.0;     // when the body came to rest; negative: it did not
-  std::string divergence;        // empty: none
+  sim::EnergyWatch::Course watch;
+  RestCourse rest;            // which conditions of rest hold at the end
+  double rest_time_s = -1.0;  // when the body came to rest; negative: it did not
+  std::string divergence;     // empty: none
   std::vector<std::pair<std::string, double>> seconds;  // of the solver, by effect
   Aside aside;
   sim::State last;           // the last good state
+  sim::State before;         // that of the frame before, empty if there is none
   sim::State most_deformed;  // where the elastic energy was greatest
 };
 
 // `keep` is called for every good frame, the first included, `kept` after it with all so far. Body
 // and scene, with which the solver was made, go through the schedule from its start on. `start`
 // holds what an interrupted run had reached; empty: the run begins with the solver's state.
-// `objects` says of a frame after the first why the run may not go on from it: a divergence; empty:
-// it may.
+// `method` is the solver's. `objects` says of a frame after the first why the run may not go on
+// from it: a divergence; empty: it may.
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                    const Schedule& schedule,
                    const std::function<void(const Frame&, const sim::State&)>& keep,
                    const std::function<void(const Outcome&)>& kept = {}, Outcome start = {},
+                   sim::Method method = sim::Method::xpbd,
                    const std::function<std::string(const sim::State&)>& objects = {});
 
 }  // namespace viscera

@@ -1,11 +1,13 @@
 #include "stages/simulate/outcome_report.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <fstream>
 #include <limits>
 
+#include "sim/elasticity.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera {
@@ -14,8 +16,10 @@ const std::vector<std::string> expectable = {"contact_time",
                                              "rest_time",
                                              "min_J",
                                              "inverted_max",
+                                             "inverted_frames",
                                              "volume_ratio_end",
                                              "displacement_max_end",
+                                             "residual_share_end",
                                              "smoothness_rest",
                                              "smoothness_max_deformation",
                                              "stability_Cs_max",
@@ -23,6 +27,9 @@ const std::vector<std::string> expectable = {"contact_time",
                                              "stability_kappa_max"};
 
 namespace {
+
+// Of the inverted tets those that are listed with their places, the worst first.
+constexpr std::size_t most_places = 100;
 
 double quantile(std::vector<double> values, double q) {
   if (values.empty()) return 0.0;
@@ -84,10 +91,57 @@ void report_shape(StageRun& run, const sim::Model& model, const Outcome& outcome
   run.metric("inverted_max_deformation", frame->now.inverted);
 }
 
+// Tets that are inside out: how many at the end, since when and where, and in how many frames.
+void report_inverted(StageRun& run, const sim::Model& model, const Outcome& outcome) {
+  const auto& frames = outcome.frames;
+  const auto is_inverted = [](const Frame& frame) { return frame.now.inverted > 0; };
+  const auto last_without = std::ranges::find_if_not(frames.rbegin(), frames.rend(), is_inverted);
+  const std::size_t at_end = frames.back().now.inverted;
+  std::size_t most = 0;
+  for (const auto& frame : frames) most = std::max(most, frame.now.inverted);
+  run.metric("inverted_max", most);
+  run.metric("inverted_end", at_end);
+  run.metric("inverted_frames", std::ranges::count_if(frames, is_inverted));
+  run.metric("inverted_since", at_end > 0 ? Json(last_without.base()->time_s) : Json(), "s");
+  std::vector<std::pair<double, std::size_t>> tets;  // J, number
+  for (std::size_t t = 0; at_end > 0 && t < model.tet_count(); ++t) {
+    const double j = 1.0 + sim::NeoHookean::volume_strain(sim::gradient_of(model, outcome.last, t));
+    if (j <= 0.0) tets.emplace_back(j, t);
+  }
+  const auto shown = std::min(most_places, tets.size());
+  std::ranges::partial_sort(tets, tets.begin() + static_cast<std::ptrdiff_t>(shown));
+  Json places = Json::array();
+  for (std::size_t k = 0; k < shown; ++k) {
+    const auto [j, tet] = tets[k];
+    sim::Vec3<double> scanned, now;
+    for (const int v : model.tets[tet]) {
+      const sim::Vec3<double> at = model.origin + model.rest[v];
+      scanned += (0.25 * m_to_mm) * at;
+      now += (0.25 * m_to_mm) * (at + outcome.last.u[v]);
+    }
+    places.push_back({{"tet", tet},
+                      {"J", j},
+                      {"at", {scanned.x, scanned.y, scanned.z}},
+                      {"at_end", {now.x, now.y, now.z}}});
+  }
+  run.metric("inverted_places", places, "mm");
+}
+
+// What the run waited for before it rested, or what it did not come to.
+void report_rest(StageRun& run, const Outcome& outcome, const Schedule& schedule) {
+  const RestCourse& rest = outcome.rest;
+  const double loads_end_s = schedule.loads_end();
+  run.metric("loads_end_time", loads_end_s < sim::never ? Json(loads_end_s) : Json(), "s");
+  run.metric("residual_end", rest.imbalance ? Json(rest.imbalance->residual) : Json(), "N");
+  run.metric("residual_share_end", rest.imbalance ? Json(rest.imbalance->share()) : Json());
+  run.metric("rest_last_condition", outcome.rested ? Json(name_of(rest.last())) : Json());
+  run.metric("rest_missing", outcome.rested ? Json::array() : Json(rest.missing()));
+}
+
 }  // namespace
 
 void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& file,
-                    const Outcome& outcome) {
+                    const Schedule& schedule, const Outcome& outcome) {
   const auto on = effects_on(file.scene);
   std::vector<std::string> off;
   for (const auto& name : effect_names()) {
@@ -102,23 +156,39 @@ void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& fil
   const auto time = [&never](double s) { return s < 0.0 ? never : Json(s); };
   run.metric("contact_time", time(outcome.contact_time_s), "s");
   run.metric("rest_time", time(outcome.rest_time_s), "s");
+  report_rest(run, outcome, schedule);
   report_cost(run, outcome);
   const Frame& last = outcome.frames.back();
   double min_j = last.now.min_j;
-  std::size_t inverted = 0;
+  double speed = 0.0;
   for (const auto& frame : outcome.frames) {
+    speed = std::max(speed, frame.now.max_speed);
     min_j = std::min(min_j, frame.now.min_j);
-    inverted = std::max(inverted, frame.now.inverted);
   }
+  run.metric("speed_max", speed, "m/s");
   run.metric("min_J", min_j);
-  run.metric("inverted_max", inverted);
+  report_inverted(run, model, outcome);
   run.metric("volume_ratio_end", last.now.volume_ratio);
   run.metric("displacement_max_end", m_to_mm * last.now.max_displacement, "mm");
   report_shape(run, model, outcome);
   run.metric("state_hash_end", fmt::format("{:016x}", last.state_hash));
 }
 
-void apply_expectations(StageRun& run, const SceneFile& file) {
+std::string ending(const Outcome& outcome) {
+  const double time_s = outcome.frames.back().time_s;
+  if (outcome.rested) {
+    return fmt::format("at rest at t {:.2f} s; the condition that came last: {}", time_s,
+                       name_of(outcome.rest.last()));
+  }
+  const auto missing = outcome.rest.missing();
+  return fmt::format("not at rest when the time was over, at t {:.2f} s: {}", time_s,
+                     missing.empty()
+                         ? std::string("every condition holds, but not yet for long enough")
+                         : fmt::format("not met: {}", fmt::join(missing, ", ")));
+}
+
+void apply_gates(StageRun& run, const SceneFile& file, const Outcome& outcome) {
+  run.gate("inverted_end", static_cast<double>(outcome.frames.back().now.inverted), "<=", 0.0);
   for (const auto& expected : file.expect) {
     const auto found = std::ranges::find(run.metrics(), expected.metric, &Metric::name);
     const Metric metric = *found;

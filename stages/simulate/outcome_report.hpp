@@ -10,10 +10,14 @@ namespace viscera {
 extern const std::vector<std::string> expectable;
 
 void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& file,
-                    const Outcome& outcome);
+                    const Schedule& schedule, const Outcome& outcome);
 
-// The scene's expectations become gates on metrics of this run.
-void apply_expectations(StageRun& run, const SceneFile& file);
+// How a run ended, in words: at rest and what it waited for, or what kept it from resting.
+std::string ending(const Outcome& outcome);
+
+// No tet may be inside out at the end, whatever the scene expects; the scene's expectations become
+// gates on metrics of this run.
+void apply_gates(StageRun& run, const SceneFile& file, const Outcome& outcome);
 
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome);
 

@@ -52,9 +52,21 @@ Outcome Resume::read(std::size_t frames) const {
   }
   Outcome outcome;
   outcome.contact_time_s = course.at("contact_time");
-  outcome.still_since_s = course.at("still_since");
+  outcome.rested = course.at("rested");
+  auto& watch = outcome.watch;
+  const Json& watched = course.at("watch");
+  watched.at(0).get_to(watch.least), watched.at(1).get_to(watch.motion);
+  watched.at(2).get_to(watch.work), watched.at(3).get_to(watch.displacement);
+  watched.at(4).get_to(watch.begun);
+  course.at("rest_since").get_to(outcome.rest.since_s);
+  if (const Json& found = course.at("imbalance"); !found.is_null()) {
+    outcome.rest.imbalance = {.residual = found.at(0), .loads = found.at(1)};
+  }
   for (const auto& frame : course.at("frames")) outcome.frames.push_back(frame_from(frame));
   outcome.last = read_checkpoint(file("last", frames, "h5"), vertices_, time_);
+  if (fs::exists(file("before", frames, "h5"))) {
+    outcome.before = read_checkpoint(file("before", frames, "h5"), vertices_, time_);
+  }
   outcome.most_deformed = read_checkpoint(file("most", frames, "h5"), vertices_, time_);
   const auto bytes = frames * 3 * vertices_ * sizeof(float);
   if (outcome.frames.size() != frames || fs::file_size(folder_ / positions_name) < bytes) {
@@ -117,17 +129,25 @@ void Resume::save(const Outcome& outcome) {
                                   .remedy = "check the free space"});
   }
   write_checkpoint(file("last", frames, "h5"), outcome.last, time_.substep_s());
+  if (!outcome.before.u.empty()) {
+    write_checkpoint(file("before", frames, "h5"), outcome.before, time_.substep_s());
+  }
   write_checkpoint(file("most", frames, "h5"), outcome.most_deformed, time_.substep_s());
-  Json course{{"params", params_},
-              {"contact_time", outcome.contact_time_s},
-              {"still_since", outcome.still_since_s},
-              {"frames", Json::array()}};
+  Json course{{"params", params_},        {"contact_time", outcome.contact_time_s},
+              {"rested", outcome.rested}, {"rest_since", outcome.rest.since_s},
+              {"imbalance", nullptr},     {"frames", Json::array()}};
+  const auto& watch = outcome.watch;
+  course["watch"] = {watch.least, watch.motion, watch.work, watch.displacement, watch.begun};
+  if (const auto& found = outcome.rest.imbalance) {
+    course["imbalance"] = {found->residual, found->loads};
+  }
   for (const auto& frame : outcome.frames) course["frames"].push_back(to_json(frame));
   write_atomically(file("course", frames, "json"), course.dump());
   write_atomically(folder_ / "current", std::to_string(frames));
   if (saved_frames_ != 0 && saved_frames_ != frames) {
     std::error_code ignored;
-    for (const auto& [what, kind] : {std::pair("last", "h5"), {"most", "h5"}, {"course", "json"}})
+    for (const auto& [what, kind] :
+         {std::pair("last", "h5"), {"before", "h5"}, {"most", "h5"}, {"course", "json"}})
       fs::remove(file(what, saved_frames_, kind), ignored);
   }
   saved_frames_ = frames;

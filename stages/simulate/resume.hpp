@@ -2,8 +2,8 @@
 // folder that the engine keeps for one key:
 //
 //   positions.f32   float32 [frames][n][3], mm: grows with every frame
-//   last-K.h5, most-K.h5, course-K.json   the state after K frames, the most deformed one, and what
-//                   is known of the frames so far
+//   last-K.h5, before-K.h5, most-K.h5, course-K.json   the state after K frames, that of the frame
+//                   before, the most deformed one, and what is known of the frames so far
 //   current         K: written last, so that a kill leaves the files of an earlier K
 //
 // Written every ten seconds, and when a run is interrupted.

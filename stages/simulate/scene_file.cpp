@@ -45,7 +45,10 @@ const std::vector<Param>& rest_params() {
   static const std::vector<Param> params = {
       quantity("speed", fmt::format("{} m/s", rest.speed), "m/s", 0.0, 1e3,
                "the fastest vertex of a body at rest"),
-      quantity("hold", fmt::format("{} s", rest.hold_s), "s", 0.0, 1e3, "for at least")};
+      quantity("hold", fmt::format("{} s", rest.hold_s), "s", 0.0, 1e3, "for at least"),
+      quantity(
+          "residual", rest.residual, "1", 0.0, 1e9,
+          "of a body at rest: the force that it lacks of equilibrium, as a share of its loads")};
   return params;
 }
 
@@ -317,7 +320,8 @@ class SceneReader {
                         .substeps = time["substeps"],
                         .end_s = time["end"]};
     const Json rest = resolve_map(rest_params(), root["rest"], "rest.");
-    file_.scene.rest = {.speed = rest["speed"], .hold_s = rest["hold"]};
+    file_.scene.rest = {
+        .speed = rest["speed"], .hold_s = rest["hold"], .residual = rest["residual"]};
   }
 
   void read_stability(const YAML::Node& node) {

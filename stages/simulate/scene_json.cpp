@@ -57,7 +57,8 @@ Json to_json(const SceneFile& file) {
   const auto& scene = file.scene;
   json["time"] = {
       {"frame", scene.time.frame_s}, {"substeps", scene.time.substeps}, {"end", scene.time.end_s}};
-  json["rest"] = {{"speed", scene.rest.speed}, {"hold", scene.rest.hold_s}};
+  json["rest"] = {
+      {"speed", scene.rest.speed}, {"hold", scene.rest.hold_s}, {"residual", scene.rest.residual}};
   for (const auto& [name, policy] : stability_policies()) {
     if (policy == scene.stability) json["stability"] = name;
   }

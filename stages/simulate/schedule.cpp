@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "sim/balance.hpp"
+
 namespace viscera {
 
 Schedule::Schedule(const SceneFile& file)
@@ -15,6 +17,11 @@ std::size_t Schedule::at(double frame_begin_s) const {
       settings_.begin() + 1, settings_.end(),
       [&](const SceneChange& change) { return change.at_s > frame_begin_s + rounding; });
   return later - settings_.begin() - 1;
+}
+
+double Schedule::loads_end() const {
+  const SceneChange& last = settings_.back();
+  return std::max(last.at_s, sim::loads_end(last.effects));
 }
 
 void Schedule::set(std::size_t setting, sim::Model& model, sim::Scene& scene) const {

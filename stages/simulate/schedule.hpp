@@ -15,6 +15,8 @@ class Schedule {
   // That which holds over the frame that begins at this time: changes come into force at the first
   // frame that does not begin before them.
   std::size_t at(double frame_begin_s) const;
+  // s, when the last change has come and its effects have ended (sim::loads_end).
+  double loads_end() const;
   // Gives body and scene the materials and parameters of a setting.
   void set(std::size_t setting, sim::Model& model, sim::Scene& scene) const;
 

@@ -188,6 +188,12 @@ void simulate(StageRun& run) {
     check_start(model, start);
     solver->set_state(start);
   }
+  if (const double end_s = schedule.loads_end(); end_s > file.scene.time.end_s) {
+    log::info("the loads {}: the run goes on to time.end, {:.3g} s, and does not rest",
+              end_s < sim::never ? fmt::format("end at {:.3g} s", end_s)
+                                 : std::string("never end (an obstacle moves without a stop)"),
+              file.scene.time.end_s);
+  }
   TrajectoryWriter trajectory(run.out(""), mesh);
   MetricsFile metrics(run.out("metrics.csv"));
   Resume resume(run, model.vertex_count(), file.scene.time);
@@ -210,20 +216,20 @@ void simulate(StageRun& run) {
         metrics.add(frame);
         resume.add(positions);
       },
-      [&](const Outcome& so_far) { resume.note(so_far); }, std::move(start), objects);
+      [&](const Outcome& so_far) { resume.note(so_far); }, std::move(start),
+      solver_options(run).method, objects);
   if (objects && !outcome.divergence.empty() && !watch.objected()) {
     outcome.divergence += ", after " + watch.explain(outcome.last);
   }
   trajectory.finish();
   write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s());
   metrics.close(run.out("metrics.csv"));
-  report_outcome(run, model, file, outcome);
+  report_outcome(run, model, file, schedule, outcome);
   if (!outcome.divergence.empty()) {
     report_divergence(run, model, outcome);
   } else {
-    apply_expectations(run, file);
-    log::info("{} at t {:.2f} s", outcome.rested ? "at rest" : "not at rest when the time was over",
-              outcome.frames.back().time_s);
+    apply_gates(run, file, outcome);
+    log::info("{}", ending(outcome));
   }
 }
 
@@ -258,7 +264,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "5",
+           .version = "6",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

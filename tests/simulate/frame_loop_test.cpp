@@ -99,7 +99,7 @@ TEST(FramesOfADevice, AFrameIsSteppedWhileTheLastIsWritten) {
 
 TEST(FramesOfADevice, AFrameBegunInVainIsDropped) {
   Swing swing;
-  swing.file.scene.rest = {.speed = 1e3, .hold_s = 0.05};
+  swing.file.scene.rest = {.speed = 1e3, .hold_s = 0.05, .residual = 1e3};
   swing.file.schedule.clear();
   Elsewhere device(swing.model, swing.file.scene);
   const Outcome outcome = swing.run(device), here = swing.run_here();
@@ -115,6 +115,39 @@ TEST(FramesOfADevice, ADivergenceKeepsTheFramesBeforeIt) {
   const Outcome outcome = swing.run(device);
   EXPECT_EQ(outcome.divergence, "no solution");
   EXPECT_EQ(outcome.frames.size(), 8u);
+}
+
+// A solver that stands still in a given state.
+class Standing final : public sim::Solver {
+ public:
+  explicit Standing(sim::State state) : state_(std::move(state)) {}
+  void advance_frame() override { state_.step += 8; }
+  sim::State state() const override { return state_; }
+  void set_state(const sim::State& state) override { state_ = state; }
+  void retune(const sim::Model&, const sim::Scene&) override {}
+  void steer(const sim::Scene&) override {}
+  std::size_t contact_count() const override { return 0; }
+  std::string device() const override { return "nowhere"; }
+
+ private:
+  sim::State state_;
+};
+
+TEST(FramesOfAStandingBody, ThatHasInvertedTetsAreNotAtRest) {
+  Swing swing;
+  swing.file.schedule.clear();
+  swing.file.scene.rest.hold_s = 0.05;
+  sim::State state{std::vector<sim::Vec3<double>>(swing.model.vertex_count()),
+                   std::vector<sim::Vec3<double>>(swing.model.vertex_count())};
+  Standing upright(state);
+  EXPECT_TRUE(swing.run(upright).rested);
+  for (std::size_t i = 0; i < state.u.size(); ++i) {  // mirrored
+    state.u[i].x = -2.0 * swing.model.rest[i].x;
+  }
+  Standing inverted(state);
+  const Outcome outcome = swing.run(inverted);
+  EXPECT_FALSE(outcome.rested);
+  EXPECT_EQ(outcome.rest.missing(), std::vector<std::string>{"inverted tets"});
 }
 
 }  // namespace

@@ -2,6 +2,16 @@
 // metrics), and what the mesh's cells are too large for (quality.json).
 "use strict";
 
+// Lets every row of a table point out its own place in the 3D view by `mark`, which may be absent.
+function pointOutRows(table, mark) {
+  if (!mark) return;
+  [...byId(table).tBodies[0].rows].forEach((row, i) => {
+    row.tabIndex = 0;
+    for (const event of ["pointerenter", "focus"]) row.addEventListener(event, () => mark(i));
+    for (const event of ["pointerleave", "blur"]) row.addEventListener(event, () => mark());
+  });
+}
+
 // [{found: "liver surface", at: LPS mm, away: mm, thickness, cells: mm or null, size: text}], the
 // farthest first within each: all of them.
 viscera.lostParts = function (report) {
@@ -50,13 +60,7 @@ viscera.lostTable = function (report, mark) {
     parts.map(part => [head(part.found), number(mm(part.away)), number(mm(part.thickness)),
                        number(part.size), number(mm(part.cells)),
                        number(part.at.map(x => x.toFixed(1)).join(", "))]));
-  const rows = byId("lost-table").tBodies[0].rows;
-  parts.forEach((part, i) => {
-    if (!mark) return;
-    rows[i].tabIndex = 0;
-    for (const event of ["pointerenter", "focus"]) rows[i].addEventListener(event, () => mark(i));
-    for (const event of ["pointerleave", "blur"]) rows[i].addEventListener(event, () => mark());
-  });
+  pointOutRows("lost-table", mark);
   byId("lost-count").textContent = parts.length === 1 ? "The place" : `All ${parts.length} places`;
   byId("lost-box").open = parts.length <= 10;
   byId("lost-note").textContent = "Parts of the labels farther from the surface, or from the mesh, " +

@@ -4,7 +4,7 @@
 
 (function () {
   const timeCharts = [], charts = [];
-  let viewer = null, times = [], frame = 0, playing = false;
+  let viewer = null, times = [], frame = 0, playing = false, lostMarks = null, invertedMarks = null;
   const page = viscera.openPage(charts, () => { if (viewer) viewer.theme(); }, message =>
     byId("verdict").append(viscera.element("p", {class: "fail"},
       "This page could not be drawn completely: " + message)));
@@ -149,12 +149,15 @@
     const ground = ((report.scene || {}).effects || {}).ground;
     if (ground && ground.normal) viewer.addGround(ground.normal, 1000 * ground.clearance);
     viscera.labelTable("labels", report, viewer.colours, viewer.setVisible);
-    const parts = viscera.lostParts(report);
-    if (parts.length) {
-      byId("lost-choice").hidden = false;
-      viewer.addMarks(parts.map(part => part.at));
-      byId("lost-rings").addEventListener("change", e => viewer.setMarks(e.target.checked));
-    }
+    const marked = (name, places) => {
+      if (!places.length) return null;
+      const marks = viewer.addMarks(places.map(place => place.at));
+      byId(name + "-choice").hidden = false;
+      byId(name + "-rings").addEventListener("change", e => marks.show(e.target.checked));
+      return marks;
+    };
+    lostMarks = marked("lost", viscera.lostParts(report));
+    invertedMarks = marked("inverted", viscera.invertedPlaces(report));
     connectView();
     applyAddress();
     const shown = times.length === meta.frames_total ? `All ${times.length} frames`
@@ -210,7 +213,8 @@
       viscera.labelTable("volumes-table", report);
     }
     if (report.slices) await startSlices();
-    viscera.lostTable(report, viewer ? i => viewer.pointOut(i) : null);
+    viscera.lostTable(report, lostMarks && lostMarks.pointOut);
+    viscera.invertedTable(report, invertedMarks && invertedMarks.pointOut);
     viscera.gates(report);
     viscera.scene(report);
     viscera.qualityTables(report);

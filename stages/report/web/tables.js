@@ -31,6 +31,22 @@ viscera.metric = function (report, stage, name) {
 
 viscera.restTime = report => viscera.metric(report, "simulate", "rest_time");
 
+// Why the run rested no sooner, or did not rest: the condition that came last, or those not met.
+viscera.restReason = function (report) {
+  const metric = name => viscera.metric(report, "simulate", name);
+  const words = {
+    loads: ["the loads ended last", "the loads had not ended"],
+    "inverted tets": ["the last inverted tet opened last", "tets were inverted"],
+    speed: ["the speed fell last", "the body was too fast"],
+    residual: ["the residual force fell last", "forces were not in balance"],
+  };
+  const last = metric("rest_last_condition"), missing = metric("rest_missing");
+  if (words[last]) return words[last][0];
+  if (!Array.isArray(missing)) return viscera.restTime(report) === null ? "when the run ended" : null;
+  if (!missing.length) return "the time was over before rest had been held";
+  return "when the run ended " + missing.map(name => words[name] ? words[name][1] : name).join(", ");
+};
+
 viscera.verdict = function (report) {
   const {state, gates_passed: passed, gates_failed: failed} = report.verdict;
   const all = passed + failed;
@@ -69,7 +85,7 @@ viscera.keyFigures = function (report) {
   const rest = viscera.restTime(report);
   if (rest !== undefined) {
     add("At rest after", rest === null ? "not at rest" : viscera.quantity(rest, "s"),
-        rest === null ? "when the run ended" : null);
+        viscera.restReason(report));
   }
   const ratio = (report.series.volume_ratio || []).filter(v => v !== null);
   if (ratio.length) {

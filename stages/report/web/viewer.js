@@ -15,7 +15,7 @@ viscera.createViewer = function (canvas, meta, data) {
   const largest = meta.labels.reduce((a, b) => b.rest_ml > a.rest_ml ? b : a).id;
   const colours = viscera.labelColours(meta.labels);
   const surfaces = makeSurfaces();
-  const ranges = {};
+  const ranges = {}, markSets = [];
 
   // Outer and inner faces that meet in an edge must not share normals.
   function makeSurfaces() {
@@ -192,7 +192,7 @@ viscera.createViewer = function (canvas, meta, data) {
 
   function redraw() {
     updatePositions();
-    if (marks) marks.move();
+    for (const marks of markSets) marks.move();
     updateColours();
     request();
   }
@@ -204,7 +204,7 @@ viscera.createViewer = function (canvas, meta, data) {
   function theme() {
     view.theme();
     lineMaterial.color.set(view.themed("--ink"));
-    if (marks) marks.colour(view.themed("--fail"));
+    for (const marks of markSets) marks.colour(view.themed("--fail"));
     if (ground) ground.material.color.set(view.themed("--muted"));
   }
   // The plane on which the body lands: `clearance` mm below the lowest rest point, along `normal`.
@@ -229,7 +229,7 @@ viscera.createViewer = function (canvas, meta, data) {
   }
 
   // Rings around places of the scan (LPS mm); each moves with the vertex that was nearest to it.
-  let marks = null;
+  // They are shown, and one of them (undefined: none) pointed out, by what is returned.
   function addMarks(places) {
     const away = (at, i) => at.reduce((sum, x, axis) =>
       sum + (place(data.rest, axis, i) - x) ** 2, 0);
@@ -240,8 +240,13 @@ viscera.createViewer = function (canvas, meta, data) {
     });
     const moved = m => places[m].map((x, axis) =>
       x + place(stored(), axis, nearest[m]) - place(data.rest, axis, nearest[m]));
-    marks = viscera.createMarks(scene, view.renderer.getPixelRatio(), places.length, moved);
+    const marks = viscera.createMarks(scene, view.renderer.getPixelRatio(), places.length, moved);
+    markSets.push(marks);
     theme();
+    return {
+      show(on) { marks.show(on); request(); },
+      pointOut(m) { marks.pointOut(m); request(); },
+    };
   }
 
   theme();
@@ -255,8 +260,6 @@ viscera.createViewer = function (canvas, meta, data) {
     setFrame(frame) { state.frame = frame; redraw(); },
     setColour(mode) { state.colour = mode; restyle(); },
     setTranslucent(on) { state.translucent = on; restyle(); },
-    setMarks(on) { marks.show(on); request(); },
-    pointOut(m) { marks.pointOut(m); request(); },
     setEdges(on) { state.edges = on; restyle(); },
     setVisible(label, on) { state.hidden[on ? "delete" : "add"](label); restyle(); },
     millimetresPerPixel: () => (camera.top - camera.bottom) / camera.zoom / canvas.clientHeight,

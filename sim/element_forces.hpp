@@ -1,0 +1,79 @@
+// The forces of element effects at a state, in double, for what is known about a run without asking
+// its solver.
+#pragma once
+
+#include <algorithm>
+#include <span>
+#include <vector>
+
+#include "sim/parallel.hpp"
+#include "sim/solvers/program.hpp"
+#include "sim/state.hpp"
+
+namespace viscera::sim {
+
+using VertexField = std::vector<Vec3<double>>;
+
+// Element effects that act from outside.
+template <class Effect>
+inline constexpr bool is_load = [] {
+  if constexpr (Effect::kind == EffectKind::element) {
+    return !is_constraint<Effect> && !needs_rate<Effect>;
+  }
+  return false;
+}();
+
+// The force of one element, N, with the material's full damping: an explicit solver may lower it.
+template <class Effect>
+void element_force(typename Effect::template Rest<double> rest, const double* memory,
+                   const Vec3<double> (&u)[Effect::arity], const Vec3<double> (&d)[Effect::arity],
+                   Vec3<double> (&force)[Effect::arity]) {
+  if constexpr (requires { rest.number; }) rest.number = 0.0;
+  Evaluation<double, Effect::rows, Effect::arity> c;
+  if constexpr (memory_of < Effect >> 0) {
+    Effect::evaluate(rest, memory, u, d, c);
+  } else {
+    Effect::evaluate(rest, u, d, c);
+  }
+  if constexpr (is_constraint<Effect>) {
+    const double mobility[Effect::arity] = {};  // of no concern to a force
+    impulses_of<Arithmetic::force>(c, mobility, 1.0, 1.0, static_cast<double*>(nullptr), force);
+  } else {
+    std::copy(std::begin(c.preload), std::end(c.preload), force);
+  }
+}
+
+// Adds the forces of all elements of an effect to their vertices, at the displacements u and, where
+// it is not empty, the displacements d over a substep. Elements are evaluated side by
+// side and added up in their order, so that the sums do not depend on the number of cores.
+template <class Effect>
+void add_forces(const Prepared<Effect, double>& effect, std::span<const double> memory,
+                const VertexField& u_all, const VertexField& d_all, VertexField& sum) {
+  constexpr int arity = Effect::arity;
+  constexpr std::size_t at_once = 1 << 16;
+  struct Forces {
+    Vec3<double> of[arity];
+  };
+  std::vector<Forces> forces(std::min(at_once, effect.vertices.size()));
+  for (std::size_t first = 0; first < effect.vertices.size(); first += at_once) {
+    const std::size_t count = std::min(at_once, effect.vertices.size() - first);
+    parallel_ranges(count, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) {
+        const std::size_t e = first + k;
+        Vec3<double> u[arity], d[arity];
+        for (int i = 0; i < arity; ++i) {
+          const int v = effect.vertices[e][i];
+          u[i] = u_all[v];
+          d[i] = d_all.empty() ? Vec3<double>{} : d_all[v];
+        }
+        element_force<Effect>(effect.rest[e], memory.data() + e * memory_of<Effect>, u, d,
+                              forces[k].of);
+      }
+    });
+    for (std::size_t k = 0; k < count; ++k) {
+      for (int i = 0; i < arity; ++i) sum[effect.vertices[first + k][i]] += forces[k].of[i];
+    }
+  }
+}
+
+}  // namespace viscera::sim
