@@ -118,33 +118,45 @@ constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
   });
 }
 
-// Whether a scene names elements whose force is taken in full.
-template <EffectSet set = all_effects, class T>
-SIM_HD bool has_forces(const BlockScene<T>& scene) {
+// Which element effects a pass over them is for, in the order of a substep (solvers/program.hpp).
+enum class ElementPass { rate_forces, forces, constraints };
+template <class Effect>
+inline constexpr ElementPass pass_of = is_rate_force<Effect>   ? ElementPass::rate_forces
+                                       : is_constraint<Effect> ? ElementPass::constraints
+                                                               : ElementPass::forces;
+
+// Whether a scene names elements of a pass.
+template <ElementPass pass, EffectSet set = all_effects, class T>
+SIM_HD bool has_pass(const BlockScene<T>& scene) {
   bool result = false;
   for_each_kind_of_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& views) {
-    if constexpr (!is_constraint<Effect>) result = result || views.count > 0;
+    if constexpr (pass_of<Effect> == pass) result = result || views.count > 0;
   });
   return result;
 }
 
-// The element effects of a substep: sweep.template operator()<Effect>(view) for forces, then
-// offset(), where the copies of a vertex take what they carry, then for constraints. What is
-// carried strains an element as no motion does: viscosity would oppose it even at rest. Where there
-// are no forces, begin_local() has given it to the copies.
-template <EffectSet set = all_effects, class T, class Sweep, class Offset>
-constexpr void sweep_in_order(const BlockScene<T>& scene, Sweep&& sweep, Offset&& offset) {
-  const auto sweep_those = [&](auto constraints) {
+// The element effects of a substep: sweep.template operator()<Effect>(view) for those of one pass
+// after the other. Rate forces act on dt v alone; then load() gives the vertices what forces,
+// motions and contacts do to them. After the other forces offset() gives the copies of a vertex
+// what they carry, which strains an element as no motion does. Where a scene has none of a pass,
+// what would follow it has been done before.
+template <EffectSet set = all_effects, class T, class Sweep, class Load, class Offset>
+constexpr void sweep_in_order(const BlockScene<T>& scene, Sweep&& sweep, Load&& load,
+                              Offset&& offset) {
+  const auto sweep_pass = [&]<ElementPass pass>() {
     for_each_view<EffectKind::element, set>(scene, [&]<class Effect>(const auto& view, int) {
-      if constexpr (is_constraint<Effect> == constraints.value)
-        sweep.template operator()<Effect>(view);
+      if constexpr (pass_of<Effect> == pass) sweep.template operator()<Effect>(view);
     });
   };
-  if (has_forces<set>(scene)) {
-    sweep_those(std::false_type{});
+  if (has_pass<ElementPass::rate_forces, set>(scene)) {
+    sweep_pass.template operator()<ElementPass::rate_forces>();
+    load();
+  }
+  if (has_pass<ElementPass::forces, set>(scene)) {
+    sweep_pass.template operator()<ElementPass::forces>();
     offset();
   }
-  sweep_those(std::true_type{});
+  sweep_pass.template operator()<ElementPass::constraints>();
 }
 
 // A block's vertices. Their copies differ while elements are solved, and only in d.
@@ -187,13 +199,14 @@ struct VertexNow {
   SIM_HD Vec3<T> inertial(T dt) const { return dt * v; }
 };
 
-// Up to the element effects.
+// Where forces, motions and contacts lead a vertex that would go on by `d`. Keeps the contacts'
+// corrections.
 template <EffectSet set = all_effects, class T>
-SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
-                        int i, const VertexNow<T>& now) {
+SIM_HD Vec3<T> loaded_displacement(const BlockScene<T>& scene, const Step<T>& step,
+                                   const BlockVertices<T>& x, int i, const VertexNow<T>& now,
+                                   Vec3<T> d) {
   const auto [u, w] = now.u;
   const T dt = scene.dt;
-  Vec3<T> d = begin_vertex(w, now.v, dt);
   for_each_view<EffectKind::force, set>(scene, [&]<class Effect>(const auto& view, int) {
     if (w > T(0)) d += (dt * dt) * Effect::acceleration(view.device, x.rest[i], u, now.v);
   });
@@ -209,13 +222,49 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
     x.corrections[k * x.count + i] = correction;
     d += correction;
   });
-  if (now.has_several_copies()) {
-    const bool later = has_forces<set>(scene);
-    now.for_each_copy(
-        [&](int copy) { x.d[copy].v = later ? d : d + before_sweep(x.carried[copy]); });
-  } else {
-    x.d[now.copies.begin].v = d;
+  return d;
+}
+
+// What a copy carries, unless sweep_in_order() gives it later.
+template <EffectSet set = all_effects, class T>
+SIM_HD Vec3<T> offset_now(const BlockScene<T>& scene, const BlockVertices<T>& x, int copy,
+                          const VertexNow<T>& now) {
+  const bool later = has_pass<ElementPass::forces, set>(scene);
+  return now.has_several_copies() && !later ? before_sweep(x.carried[copy]) : Vec3<T>{};
+}
+
+// Up to the element effects.
+template <EffectSet set = all_effects, class T>
+SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
+                        int i, const VertexNow<T>& now) {
+  if (has_pass<ElementPass::rate_forces, set>(scene)) {
+    const Vec3<T> d = now.inertial(scene.dt);
+    now.for_each_copy([&](int copy) { x.d[copy].v = d; });
+    return;
   }
+  const Vec3<T> free = begin_vertex(now.u.w, now.v, scene.dt);
+  const Vec3<T> d = loaded_displacement<set>(scene, step, x, i, now, free);
+  now.for_each_copy([&](int copy) { x.d[copy].v = d + offset_now<set>(scene, x, copy, now); });
+}
+
+// Between the rate forces and all others: what begin_local() has left out. Copies that rate forces
+// have led apart are all given the same, that of a vertex without damping: other blocks know no
+// more.
+template <EffectSet set = all_effects, class T>
+SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
+                       int i) {
+  const VertexNow<T> now(x, i);
+  const bool apart = now.has_several_copies();
+  Vec3<T>& first = x.d[now.copies.begin].v;
+  const Vec3<T> undamped = begin_vertex(now.u.w, now.v, scene.dt);
+  const Vec3<T> from = apart || !(now.u.w > T(0)) ? undamped : first;
+  const Vec3<T> d = loaded_displacement<set>(scene, step, x, i, now, from);
+  if (!apart) {
+    first = d;
+    return;
+  }
+  const Vec3<T> more = d - now.inertial(scene.dt);
+  now.for_each_copy([&](int copy) { x.d[copy].v += more + offset_now<set>(scene, x, copy, now); });
 }
 
 // Gives the copies what they carry (sweep_in_order), by `lanes` lanes of which this is `lane`.

@@ -169,6 +169,7 @@ class CpuSolver final : public Solver {
       const int of_frame = static_cast<int>((step_ + substep) % program_.substeps);
       if (of_frame % VolumeBound::scan_every == 0) watch_volumes(rank, false);
       begin(mine);
+      damp(rank, mine, lap);
       apply_forces(mine);
       apply_motions(mine, step);
       lap.took(step_part);
@@ -187,6 +188,7 @@ class CpuSolver final : public Solver {
       });
       rub_contacts(mine, step);
       bound_volumes(rank, of_frame + 1 == program_.substeps);
+      stop_contacts(mine, step);
       end(mine);
       lap.took(step_part);
     }
@@ -197,6 +199,32 @@ class CpuSolver final : public Solver {
     for (int i = mine.begin; i < mine.end; ++i) {
       d_[i].v = begin_vertex(d_[i].w, v_[i], dt);
     }
+  }
+
+  // Rate forces act on dt v alone. Later d holds what gravity and contact add in this substep,
+  // which even at rest is not zero, and not the same for vertices that are held and for those that
+  // are not.
+  void damp(int rank, Range mine, Lap& lap) {
+    bool begun = false;
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (is_rate_force<Effect>) {
+        for (auto& own : std::get<i>(own_)) {
+          if (!begun) begin_motions(mine), team_.barrier();
+          begun = true;
+          sweep_colors(own, sweeps_[static_cast<int>(Arithmetic::xpbd_only)][i], rank);
+          lap.took(i);
+        }
+      }
+    });
+  }
+  // Vertices that are led have a velocity too.
+  void begin_motions(Range mine) {
+    const T dt = static_cast<T>(program_.dt);
+    for_each_slot<EffectKind::motion>(program_.effects, [&]<class Effect>(const auto& effect) {
+      for (const int i : effect.vertices) {
+        if (i >= mine.begin && i < mine.end) d_[i].v = dt * v_[i];
+      }
+    });
   }
 
   void apply_forces(Range mine) {
@@ -223,7 +251,7 @@ class CpuSolver final : public Solver {
   void solve_elements(int rank, Range mine, int iteration, Lap& lap) {
     const Arithmetic arithmetic = arithmetic_of(options_, iteration);
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      if constexpr (Effect::kind == EffectKind::element) {
+      if constexpr (Effect::kind == EffectKind::element && !is_rate_force<Effect>) {
         for (auto& own : std::get<i>(own_)) {
           if (!is_constraint<Effect> && iteration > 0) continue;
           if (own.in_blocks()) continue;
@@ -333,7 +361,14 @@ class CpuSolver final : public Solver {
     for_each_contact([&]<class Effect>(const auto& device, const std::vector<Vec3<T>>& correction) {
       for (int i = mine.begin; i < mine.end; ++i) {
         if (touches(correction[i])) Effect::rub(device, step, correction[i], v_[i], d_[i].v);
-        if constexpr (can_stop<Effect, T>) {
+      }
+    });
+  }
+  // The last word: no vertex passes through an obstacle.
+  void stop_contacts(Range mine, const Step<T>& step) {
+    for_each_contact([&]<class Effect>(const auto& device, const auto&) {
+      if constexpr (can_stop<Effect, T>) {
+        for (int i = mine.begin; i < mine.end; ++i) {
           if (!(d_[i].w > T(0))) continue;
           d_[i].v += Effect::stop(device, step, program_.rest[i], u_[i].v, d_[i].v);
         }

@@ -11,6 +11,7 @@
 #include "sim/backend/cuda_memory.cuh"
 #include "sim/backend/cuda_regions.cuh"
 #include "sim/backend/cuda_self_contact.cuh"
+#include "sim/backend/cuda_volume_bound.cuh"
 #include "sim/coloring.hpp"
 #include "sim/solvers/make.hpp"
 #include "sim/solvers/program.hpp"
@@ -120,6 +121,13 @@ __global__ void move(int count, const int* vertices, typename Effect::template D
   d[i] = Effect::target(device, rest[i], static_cast<T>(step_after<T>(done, dt).time)) - u[i];
 }
 
+// How far the vertices that are led go by their velocity.
+template <class T>
+__global__ void go_on(int count, const int* vertices, const Vec3<T>* v, Vec3<T>* d, T dt) {
+  const int k = global_thread();
+  if (k < count) d[vertices[k]] = dt * v[vertices[k]];
+}
+
 template <class Effect, class T>
 __global__ void push(int n, typename Effect::template Device<T> device, const T* w,
                      const Vec3<T>* rest, const Vec3<T>* u, Vec3<T>* d, Vec3<T>* correction,
@@ -132,16 +140,21 @@ __global__ void push(int n, typename Effect::template Device<T> device, const T*
 }
 
 template <class Effect, class T>
-__global__ void rub(int n, typename Effect::template Device<T> device, const T* w,
-                    const Vec3<T>* rest, const Vec3<T>* u, const Vec3<T>* correction,
+__global__ void rub(int n, typename Effect::template Device<T> device, const Vec3<T>* correction,
                     const Vec3<T>* v, Vec3<T>* d, const unsigned long long* done, double dt) {
   const int i = global_thread();
   if (i >= n) return;
-  const Step<T> step = step_after<T>(done, dt);
-  if (touches(correction[i])) Effect::rub(device, step, correction[i], v[i], d[i]);
-  if constexpr (can_stop<Effect, T>) {
-    if (w[i] > T(0)) d[i] += Effect::stop(device, step, rest[i], u[i], d[i]);
-  }
+  if (touches(correction[i]))
+    Effect::rub(device, step_after<T>(done, dt), correction[i], v[i], d[i]);
+}
+
+template <class Effect, class T>
+__global__ void stop(int n, typename Effect::template Device<T> device, const T* w,
+                     const Vec3<T>* rest, const Vec3<T>* u, Vec3<T>* d,
+                     const unsigned long long* done, double dt) {
+  const int i = global_thread();
+  if (i >= n || !(w[i] > T(0))) return;
+  d[i] += Effect::stop(device, step_after<T>(done, dt), rest[i], u[i], d[i]);
 }
 
 template <class T>
@@ -265,7 +278,9 @@ template <class T>
 class CudaSolver final : public Solver {
  public:
   CudaSolver(const Model& model, const Scene& scene, const SolverOptions& options, std::string name)
-      : CudaSolver(Program<T>(model, scene), options, std::move(name)) {}
+      : CudaSolver(Program<T>(model, scene),
+                   options.method == Method::pbd ? BoundedTets<T>() : BoundedTets<T>(model, scene),
+                   options, std::move(name)) {}
 
   void advance_frame() override {
     for (int substep = 0; substep < substeps_; ++substep) {
@@ -338,7 +353,8 @@ class CudaSolver final : public Solver {
   template <class Effect>
   using Slot = OnDevice<Effect, T>;
 
-  CudaSolver(Program<T>&& program, const SolverOptions& options, std::string name)
+  CudaSolver(Program<T>&& program, const BoundedTets<T>& bounded, const SolverOptions& options,
+             std::string name)
       : name_(std::move(name)),
         options_(options),
         constants_(SweepConstants<T>::of(options)),
@@ -348,11 +364,12 @@ class CudaSolver final : public Solver {
         substeps_(program_.substeps),
         layout_{n_, options.method == Method::tled || options.scheme == Scheme::jacobi,
                 iterates(options)},
-        rest_((require_memory(program_, layout_), program_.rest)),
+        rest_((require_memory(program_, layout_, bounded), program_.rest)),
         inverse_mass_(program_.inverse_mass),
         u_(n_),
         v_(n_),
         d_(n_),
+        volume_bound_(bounded),
         done_(1) {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& host : std::get<i>(program_.effects)) {
@@ -362,9 +379,11 @@ class CudaSolver final : public Solver {
     capture();
   }
 
-  static void require_memory(const Program<T>& program, const DeviceLayout& layout) {
+  static void require_memory(const Program<T>& program, const DeviceLayout& layout,
+                             const BoundedTets<T>& bounded) {
     const std::size_t n = program.rest.size();
-    std::size_t bytes = n * (4 * sizeof(Vec3<T>) + 2 * sizeof(T));
+    std::size_t bytes =
+        n * (4 * sizeof(Vec3<T>) + 2 * sizeof(T)) + CudaVolumeBound<T>::bytes(bounded);
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
       const std::size_t kept = memory_of<Effect> + (layout.iterates ? Effect::rows : 0);
       const std::size_t gathered = layout.gathers ? sizeof(Vec3<T>) + sizeof(int) : 0;
@@ -393,6 +412,7 @@ class CudaSolver final : public Solver {
     const T dt = static_cast<T>(dt_);
     begin<T>
         <<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), v_.get(), d_.get(), dt);
+    enqueue_rate_forces();
     for_each_active<EffectKind::force>([&]<class Effect>(const auto& effect) {
       apply_force<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
           n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), v_.get(), d_.get(), dt);
@@ -418,12 +438,39 @@ class CudaSolver final : public Solver {
     });
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
       rub<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), effect.correction.get(),
-          v_.get(), d_.get(), done_.get(), dt_);
+          n_, effect.device, effect.correction.get(), v_.get(), d_.get(), done_.get(), dt_);
+    });
+    volume_bound_.enqueue(stream_, u_.get(), d_.get(), inverse_mass_.get(), dt);
+    for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
+      if constexpr (can_stop<Effect, T>) {
+        stop<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
+            n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), d_.get(), done_.get(),
+            dt_);
+      }
     });
     end<T>
         <<<blocks(n_), block_size, 0, stream_>>>(n_, d_.get(), dt, u_.get(), v_.get(), done_.get());
     check(cudaGetLastError(), "launching a kernel");
+  }
+
+  // They act on dt v alone (the order of a substep: solvers/program.hpp).
+  void enqueue_rate_forces() {
+    bool begun = false;
+    for_each_active<EffectKind::element>([&]<class Effect>(const auto& effect) {
+      if constexpr (is_rate_force<Effect>) {
+        if (!begun) enqueue_led_motion();
+        begun = true;
+        enqueue_sweep<Effect, Arithmetic::xpbd_only>(effect);
+      }
+    });
+  }
+  void enqueue_led_motion() {
+    for_each_active<EffectKind::motion>([&]<class Effect>(const auto& effect) {
+      const int count = static_cast<int>(effect.vertices.size());
+      if (count == 0) return;
+      go_on<T><<<blocks(count), block_size, 0, stream_>>>(count, effect.vertices.get(), v_.get(),
+                                                          d_.get(), static_cast<T>(dt_));
+    });
   }
 
   // One iteration over all elements. Forces (rows = 0) act once a substep.
@@ -437,7 +484,7 @@ class CudaSolver final : public Solver {
         } else if constexpr (Effect::kind == EffectKind::element) {
           if constexpr (is_constraint<Effect>) {
             enqueue_sweep_by<Effect>(own, arithmetic);
-          } else if (iteration == 0) {
+          } else if (!is_rate_force<Effect> && iteration == 0) {
             enqueue_sweep<Effect, Arithmetic::xpbd_only>(own);
           }
         }
@@ -497,6 +544,7 @@ class CudaSolver final : public Solver {
   DeviceArray<Vec3<T>> rest_;
   DeviceArray<T> inverse_mass_;
   DeviceArray<Vec3<T>> u_, v_, d_;
+  CudaVolumeBound<T> volume_bound_;
   DeviceArray<unsigned long long> done_;  // [1] substeps
   Effects::Slots<Slot> effects_;
   Stream stream_;

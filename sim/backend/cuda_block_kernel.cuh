@@ -476,7 +476,11 @@ __global__ void __launch_bounds__(most_threads, whole ? 2 : 1)
     __syncthreads();
   };
   for (int substep = 0; substep < frame.substeps; ++substep) {
-    sweep_in_order<set>(scene, sweep, offset);
+    const auto load = [&] {
+      for (int i = lane; i < count; i += lanes) load_local<set>(scene, step_at(substep), x, i);
+      __syncthreads();
+    };
+    sweep_in_order<set>(scene, sweep, load, offset);
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
     Parcel<T>* const parcels = frame.parcels + (2 * member + (exchange & 1u)) * frame.locals;
     for (int k = first_to_send; k < count; k += lanes) {

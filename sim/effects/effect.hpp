@@ -152,6 +152,12 @@ inline constexpr bool needs_rate = [] {
   if constexpr (requires { Effect::needs_rate; }) return Effect::needs_rate;
   return false;
 }();
+// Forces that are taken in full and vanish where nothing moves: they come first in a substep.
+template <class Effect>
+inline constexpr bool is_rate_force = [] {
+  if constexpr (Effect::kind == EffectKind::element) return Effect::rows == 0 && needs_rate<Effect>;
+  return false;
+}();
 
 // Of element effects the others are forces.
 template <class Effect>

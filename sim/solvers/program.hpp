@@ -3,6 +3,7 @@
 //
 // A substep, with d the displacement over it:
 //   begin_vertex      d = dt v
+//   rate forces       d += dt^2 M^-1 f(u, d / dt): element effects that vanish where nothing moves
 //   force effects     d += dt^2 a
 //   motion effects    d leads to where the vertex is told to be
 //   self-contact      d keeps the surface off itself

@@ -64,6 +64,9 @@ class HostBlocks final : public Solver {
         }
         sweep_in_order(
             scenes_[block], [&]<class Effect>(const auto& view) { sweep<Effect>(view, x); },
+            [&] {
+              for (int i = 0; i < x.count; ++i) load_local(scenes_[block], step, x, i);
+            },
             [&] { offset_copies(x, 0, 1); });
         for (int i = 0; i < x.count; ++i) {
           sums.push_back(sum_of_copies(scenes_[block], x, VertexNow<T>(x, i)));

@@ -1,0 +1,149 @@
+// The bound on compression (solvers/volume_bound.hpp) on a device, colour by colour: one kernel
+// marks the tets that are near it, one thread block corrects them. What is tested is tested side by
+// side; what is changed is changed by one thread in the order of the tets, so that two runs give
+// the same bits.
+#pragma once
+
+#include "sim/backend/cuda_memory.cuh"
+#include "sim/solvers/volume_bound.hpp"
+
+namespace viscera::sim {
+
+// What the two kernels work on.
+template <class T>
+struct VolumeBoundView {
+  int count;                  // tets
+  const Tet* vertices;        // [count]
+  const Mat3<T>* rest;        // [count] rest_inverse, 1/m
+  const Vec3<T>* u;           // [n] m
+  Vec3<T>* d;                 // [n] m over the substep
+  const T* inverse_mass;      // [n] 1/kg
+  T dt;                       // s
+  unsigned char* near_bound;  // [count]
+  int* watched;               // [count] tets near the bound
+  unsigned char* below;       // [count] by place in `watched`
+  int* wrong;                 // [count] places in `watched`
+
+  __device__ MovingTet<T> tet(int t) const {
+    MovingTet<T> tet{.rest_inverse = rest[t]};
+    for (int i = 0; i < 4; ++i) {
+      const int v = vertices[t][i];
+      tet.u[i] = u[v];
+      tet.d[i] = d[v];
+      tet.w[i] = inverse_mass[v] * (dt * dt);
+    }
+    return tet;
+  }
+};
+
+template <class T>
+__global__ void watch_volumes(VolumeBoundView<T> view) {
+  const int t = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (t >= view.count) return;
+  view.near_bound[t] = view.tet(t).strain_after() < T(VolumeBound::watched - 1.0);
+}
+
+inline constexpr int bound_threads = 1024;
+
+// Writes the indices of the marks that are set, in order, and returns how many there are. By all
+// threads of a block.
+__device__ inline int compact(const unsigned char* marks, int count, int* indices) {
+  __shared__ int sums[bound_threads];
+  const int thread = static_cast<int>(threadIdx.x);
+  const int share = (count + bound_threads - 1) / bound_threads;
+  const int begin = min(thread * share, count), end = min(begin + share, count);
+  int own = 0;
+  for (int i = begin; i < end; ++i) own += marks[i] != 0;
+  sums[thread] = own;
+  __syncthreads();
+  for (int reach = 1; reach < bound_threads; reach *= 2) {
+    const int before = thread >= reach ? sums[thread - reach] : 0;
+    __syncthreads();
+    sums[thread] += before;
+    __syncthreads();
+  }
+  const int total = sums[bound_threads - 1];
+  int at = sums[thread] - own;
+  for (int i = begin; i < end; ++i) {
+    if (marks[i] != 0) indices[at++] = i;
+  }
+  __syncthreads();
+  return total;
+}
+
+// Until correct(tet) has changed none of those watched, at most so many times. needs(tet) tells,
+// without changing it, whether correct would.
+template <class T, class Needs, class Correct>
+__device__ void repeat_over_watched(const VolumeBoundView<T>& view, int watched, int at_most,
+                                    Needs&& needs, Correct&& correct) {
+  for (int pass = 0; pass < at_most; ++pass) {
+    for (int k = static_cast<int>(threadIdx.x); k < watched; k += bound_threads) {
+      view.below[k] = needs(view.tet(view.watched[k]));
+    }
+    __syncthreads();
+    const int wrong = compact(view.below, watched, view.wrong);
+    if (wrong == 0) return;
+    if (threadIdx.x == 0) {
+      for (int k = 0; k < wrong; ++k) {
+        const int t = view.watched[view.wrong[k]];
+        MovingTet<T> tet = view.tet(t);
+        if (!correct(tet)) continue;
+        for (int i = 0; i < 4; ++i) view.d[view.vertices[t][i]] = tet.d[i];
+      }
+    }
+    __syncthreads();
+  }
+}
+
+template <class T>
+__global__ void __launch_bounds__(bound_threads) bound_volumes(VolumeBoundView<T> view) {
+  const int watched = compact(view.near_bound, view.count, view.watched);
+  if (watched == 0) return;
+  const auto push = [](MovingTet<T>& tet) { return tet.push(); };
+  const auto halt = [](MovingTet<T>& tet) { return tet.halt(); };
+  const auto would = [](const auto& correct) {
+    return [correct](MovingTet<T> copy) { return correct(copy); };
+  };
+  repeat_over_watched(view, watched, VolumeBound::pushes, would(push), push);
+  repeat_over_watched(view, watched, VolumeBound::halts, would(halt), halt);
+}
+
+// The tets of a body that the bound is for, on the device; empty where a scene has no such law.
+template <class T>
+class CudaVolumeBound {
+ public:
+  explicit CudaVolumeBound(const BoundedTets<T>& tets)
+      : vertices_(tets.vertices),
+        rest_(tets.rest_inverse),
+        near_bound_(tets.vertices.size()),
+        watched_(tets.vertices.size()),
+        below_(tets.vertices.size()),
+        wrong_(tets.vertices.size()),
+        count_(static_cast<int>(tets.vertices.size())) {}
+
+  static std::size_t bytes(const BoundedTets<T>& tets) {
+    return tets.vertices.size() * (sizeof(Tet) + sizeof(Mat3<T>) + 2 + 2 * sizeof(int));
+  }
+
+  void enqueue(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* inverse_mass,
+               T dt) const {
+    if (count_ == 0) return;
+    const VolumeBoundView<T> view{
+        count_,         vertices_.get(), rest_.get(), u, d, inverse_mass, dt, near_bound_.get(),
+        watched_.get(), below_.get(),    wrong_.get()};
+    constexpr int width = 256;
+    watch_volumes<T><<<(count_ + width - 1) / width, width, 0, stream>>>(view);
+    bound_volumes<T><<<1, bound_threads, 0, stream>>>(view);
+  }
+
+ private:
+  DeviceArray<Tet> vertices_;
+  DeviceArray<Mat3<T>> rest_;
+  DeviceArray<unsigned char> near_bound_;
+  DeviceArray<int> watched_;
+  DeviceArray<unsigned char> below_;
+  DeviceArray<int> wrong_;
+  int count_;
+};
+
+}  // namespace viscera::sim
