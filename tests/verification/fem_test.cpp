@@ -358,26 +358,32 @@ TEST(FemRepeats, ToTheBitWithAnyNumberOfThreadsOfTheLibraries) {
   EXPECT_EQ(run("7"), one);
 }
 
-TEST(FemBarrier, ABodyThatIsCrushedIsNeverInsideOut) {
+// Ten g on 300 Pa; returns the smallest J of all frames. No frame may have an inverted element.
+double crush(int order, int cells, int substeps, int frames) {
   Material soft = soft_tissue;
   soft.youngs_modulus = 300.0;
-  const Model model = make_cube(3, soft);
+  const Model model = make_cube(cells, soft);
   Scene scene = drop_scene();
+  if (order == 2) scene.params<Viscosity>().clear();
   scene.params<Gravity>().front().acceleration = 98.0665;
   scene.params<Ground>().front().clearance = 5e-3;
-  for (const int order : {1, 2}) {
-    SolverOptions options = dynamics(1e-8);
-    options.fem.order = order;
-    if (order == 2) scene.params<Viscosity>().clear();
-    scene.time.substeps = order == 1 ? 1 : 16;
-    const auto solver = make_on_cpu(model, scene, options);
-    double min_j = 1.0;
-    for (int frame = 0; frame < (order == 1 ? 20 : 4); ++frame) {
-      ASSERT_NO_THROW(solver->advance_frame()) << frame;
-      const Diagnostics now = solver->diagnose(model, scene, solver->state());
-      ASSERT_EQ(now.inverted, 0u) << "frame " << frame << ", order " << order;
-      min_j = std::min(min_j, now.min_j);
-    }
+  scene.time.substeps = substeps;
+  SolverOptions options = dynamics(1e-8);
+  options.fem.order = order;
+  const auto solver = make_on_cpu(model, scene, options);
+  double min_j = 1.0;
+  for (int frame = 0; frame < frames; ++frame) {
+    solver->advance_frame();
+    const Diagnostics now = solver->diagnose(model, scene, solver->state());
+    EXPECT_EQ(now.inverted, 0u) << "frame " << frame << ", order " << order;
+    min_j = std::min(min_j, now.min_j);
+  }
+  return min_j;
+}
+
+TEST(FemBarrier, ABodyThatIsCrushedIsNeverInsideOut) {
+  for (const double min_j : {crush(1, 3, 1, 20), crush(2, 2, 8, 4)}) {
+    EXPECT_GT(min_j, 0.0);
     EXPECT_LT(min_j, VolumeBarrier::onset) << "the load is such that the barrier is needed";
   }
 }
