@@ -2,6 +2,9 @@
 // order.
 #pragma once
 
+#include <functional>
+#include <limits>
+
 #include "sim/model.hpp"
 #include "sim/scene.hpp"
 #include "sim/state.hpp"
@@ -21,7 +24,30 @@ struct Diagnostics {
   double total() const { return kinetic + elastic + gravity; }
 };
 
+// Of the model's linear tets and lumped masses. A solver that solves other elements gives its own
+// (Solver::diagnose).
 Diagnostics diagnose(const Model& model, const Scene& scene, const State& state);
+
+// Over elements, whatever their shape functions are.
+struct ElementSums {
+  double min_j = std::numeric_limits<double>::infinity();
+  double volume = 0.0, rest_volume = 0.0;  // m3
+  double elastic = 0.0;                    // J
+  std::size_t inverted = 0;                // elements that somewhere have det F <= 0
+
+  void add(const ElementSums& more);
+};
+// add_element(tet, sums) for every tet, on all cores; the sums do not depend on their number.
+ElementSums sum_over_elements(std::size_t tets,
+                              const std::function<void(std::size_t, ElementSums&)>& add_element);
+// Over nodes, without the elements. The fields are by node; momentum[i] is row i of the mass matrix
+// times v, and weight[i] the sum of that row, kg.
+struct NodeFields {
+  const std::vector<Vec3<double>>&u, &v, &momentum;
+  const std::vector<double>& weight;
+};
+Diagnostics diagnostics_of(const Scene& scene, const ElementSums& elements,
+                           const NodeFields& nodes);
 
 // Of Vmin/Vmax over face-adjacent pairs of tets (1 for equal volumes); inverted tets count as
 // volume 0. The mean is S, equation 17 of the source paper: it scores uneven, not inaccurate,

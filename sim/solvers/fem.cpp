@@ -9,6 +9,7 @@
 
 #include <limits>
 
+#include "sim/elasticity.hpp"
 #include "sim/refusal.hpp"
 #include "sim/solvers/fem_contact.hpp"
 #include "sim/solvers/fem_effect.hpp"
@@ -142,15 +143,7 @@ class FemSolver final : public Solver {
     return state;
   }
   void set_state(const State& state) override {
-    std::span<const double> memory = state.memory;
-    u_ = mesh_.on_nodes(state.u), v_ = mesh_.on_nodes(state.v);
-    for (NodeField* field : {&u_, &v_}) {
-      for (auto a = field->begin() + program_.rest.size(); a != field->end(); ++a) {
-        if (memory.empty()) continue;
-        *a = {memory[0], memory[1], memory[2]};
-        memory = memory.subspan(3);
-      }
-    }
+    std::span<const double> memory = take_nodes(state, u_, v_);
     for (const auto& term : terms_) term->load_memory(memory);
     step_ = state.step;
   }
@@ -164,6 +157,25 @@ class FemSolver final : public Solver {
     check_scene(scene);
     program_.steer(scene);
   }
+  Diagnostics diagnose(const Model& model, const Scene& scene, const State& state) const override {
+    NodeField u, v;
+    take_nodes(state, u, v);
+    NodeField momentum(v.size());
+    std::vector<double> weight(v.size());
+    for (int j = 0; j < mesh_.mass.outerSize(); ++j) {
+      for (Eigen::SparseMatrix<double>::InnerIterator it(mesh_.mass, j); it; ++it) {
+        momentum[it.row()] += it.value() * v[j];
+        weight[it.row()] += it.value();
+      }
+    }
+    const auto sums = [&]<int n>(const std::vector<FemTet<n>>& tets) {
+      return sum_over_elements(tets.size(), [&](std::size_t t, ElementSums& sum) {
+        add_element(model, scene, tets[t], t, u, sum);
+      });
+    };
+    return diagnostics_of(scene, mesh_.order == 1 ? sums(mesh_.linear) : sums(mesh_.quadratic),
+                          {u, v, momentum, weight});
+  }
   std::size_t contact_count() const override {
     std::size_t count = 0;
     for (const auto& term : terms_) count += term->contact_count();
@@ -174,6 +186,42 @@ class FemSolver final : public Solver {
  private:
   // Large enough for few rounds of multipliers, small enough for the condition of the system.
   static constexpr double penalty_factor = 1e3;
+
+  // What a state knows of all nodes; returns what is left of its memory.
+  std::span<const double> take_nodes(const State& state, NodeField& u, NodeField& v) const {
+    std::span<const double> memory = state.memory;
+    u = mesh_.on_nodes(state.u), v = mesh_.on_nodes(state.v);
+    for (NodeField* field : {&u, &v}) {
+      for (std::size_t i = program_.rest.size(); i < field->size() && !memory.empty(); ++i) {
+        (*field)[i] = {memory[0], memory[1], memory[2]};
+        memory = memory.subspan(3);
+      }
+    }
+    return memory;
+  }
+
+  // At the quadrature points, which are where the solver sees an element.
+  template <int n>
+  static void add_element(const Model& model, const Scene& scene, const FemTet<n>& tet,
+                          std::size_t t, const NodeField& u, ElementSums& sum) {
+    const auto& laws = scene.params<NeoHookean>();
+    const double lambda = lame(model.material(t)).neo_hookean_lambda();
+    bool inverted = false;
+    for (const auto& point : tet.points) {
+      const Mat3<double> h = gradient_at<n>(tet.nodes, point, u);
+      const double j = 1.0 + NeoHookean::volume_strain(h);
+      inverted |= j <= 0.0;
+      sum.min_j = std::min(sum.min_j, j);
+      sum.volume += j * point.volume;
+      sum.rest_volume += point.volume;
+      sum.elastic += point.volume / model.volume[t] * elastic_energy(model, scene, t, h);
+      if (is_open(j)) {
+        sum.elastic +=
+            static_cast<double>(laws.size()) * point.volume * VolumeBarrier::at(lambda, j).energy;
+      }
+    }
+    if (inverted) ++sum.inverted;
+  }
 
   void take_stiffness(const Model& model) {
     const double inertia = is_static(options_) ? 0.0 : 1.0 / (program_.dt * program_.dt);

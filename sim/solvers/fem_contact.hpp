@@ -4,12 +4,14 @@
 // over the step (what rub takes when friction is without bound), rub'(w) what it takes with it:
 //
 //   normal      f = k push(d - s),            then s <- push(d - s)
-//   tangential  f = -h taken, taken = w + q cut to the length mu k |s| / h,   then q <- taken
+//   tangential  f = -h taken, taken = w + q cut to the length mu k |b| / h,   then q <- taken
 //
 // s and q are the multipliers over k and h, so f is exact at convergence whatever these are: no
 // penetration, no creep of what sticks, and |f| = mu f_n of what slides (Alart and Curnier 1991;
-// Simo and Laursen 1992). The cone of a solve is that of the last normal multiplier, so that a
-// solve has a convex potential: k c^2 / 2, and h (|taken| |w + q| - |taken|^2 / 2).
+// Simo and Laursen 1992). b is the normal multiplier that bounds friction. It stays over a solve,
+// so that a solve has a convex potential: k c^2 / 2, and h (|taken| |w + q| - |taken|^2 / 2). After
+// it, b follows s: all of the way, or as far as the solver lets it where that goes round in circles
+// (fem_newton.cpp).
 #pragma once
 
 #include "sim/effects/contact.hpp"
@@ -37,7 +39,10 @@ class ContactTerm final : public FemTerm {
       free_.push_back(system.is_free(i));
     }
   }
-  void begin_step(const FemFields&) override { before_ = now_; }
+  void begin_step(const FemFields&) override {
+    for (auto& multipliers : now_) multipliers.cone = multipliers.normal;
+    before_ = now_;
+  }
   void undo_step() override { now_ = before_; }
 
   void add_forces(const FemFields& fields, FemForces& forces) const override {
@@ -48,8 +53,8 @@ class ContactTerm final : public FemTerm {
       forces.add(i, k * out);
       if (touches(out)) forces.rounding += 4e-16 * k * (norm(rest_[i]) + norm(fields.u[i]));
       forces.add_energy(0.5 * k * dot(out, out));
-      if (!touches(now_[i].normal)) continue;
-      const Friction f = friction(fields, i, now_[i].normal);
+      if (!touches(now_[i].cone)) continue;
+      const Friction f = friction(fields, i);
       forces.add(i, -hold(i) * f.taken);
       forces.add_energy(hold(i) * norm(f.taken) * (norm(f.slip) - 0.5 * norm(f.taken)));
       forces.size += hold(i) * dot(f.slip, f.slip);  // `taken` is a difference of that order
@@ -62,22 +67,27 @@ class ContactTerm final : public FemTerm {
       Eigen::Matrix3d k = Eigen::Matrix3d::Zero();
       const Eigen::Vector3d out = to_eigen(push(fields, i));
       if (out.squaredNorm() > 0.0) k += out * out.transpose() / out.squaredNorm();
-      if (touches(now_[i].normal)) k += (1.0 / softer) * friction_slope(fields, i);
+      if (touches(now_[i].cone)) k += (1.0 / softer) * friction_slope(fields, i);
       system.add<1>({i}, places_[i], penalty_[i] * k);
     }
   }
 
-  double correct(const FemFields& fields) override {
-    double change = 0.0;
+  Correction correct(const FemFields& fields, double follow) override {
+    Correction sum;
     for (int i = 0; i < static_cast<int>(rest_.size()); ++i) {
       if (!free_[i]) continue;
-      const Vec3<double> normal = push(fields, i);
-      const Vec3<double> slip =
-          touches(normal) ? friction(fields, i, normal).taken : Vec3<double>{};
-      change += penalty_[i] * norm(normal - now_[i].normal) + hold(i) * norm(slip - now_[i].slip);
-      now_[i] = {normal, slip};
+      Multipliers& m = now_[i];
+      const Vec3<double> normal = push(fields, i), lag = normal - m.cone;
+      sum.normal += penalty_[i] * norm(normal);
+      sum.lag += penalty_[i] * norm(lag);
+      sum.change += penalty_[i] * norm(normal - m.normal);
+      m.normal = normal;
+      m.cone = follow == 1.0 ? normal : m.cone + follow * lag;
+      const Vec3<double> slip = touches(m.cone) ? friction(fields, i).taken : Vec3<double>{};
+      sum.change += hold(i) * norm(slip - m.slip);
+      m.slip = slip;
     }
-    return change;
+    return sum;
   }
 
   // Restitution: the solve itself ends an impact without rebound.
@@ -95,7 +105,9 @@ class ContactTerm final : public FemTerm {
   }
 
   void save_memory(std::vector<double>& memory) const override {
-    for (const auto& [s, q] : now_) memory.insert(memory.end(), {s.x, s.y, s.z, q.x, q.y, q.z});
+    for (const auto& [s, q, cone] : now_) {
+      memory.insert(memory.end(), {s.x, s.y, s.z, q.x, q.y, q.z});
+    }
   }
   void load_memory(std::span<const double>& memory) override {
     const bool unknown = memory.size() < 6 * now_.size();  // the state of another solver
@@ -110,6 +122,7 @@ class ContactTerm final : public FemTerm {
  private:
   struct Multipliers {  // over k, m
     Vec3<double> normal, slip;
+    Vec3<double> cone = {};  // the normal multiplier that bounds friction
   };
 
   Vec3<double> push(const FemFields& fields, int i) const {
@@ -120,19 +133,19 @@ class ContactTerm final : public FemTerm {
   struct Friction {
     Vec3<double> slip, taken;  // w + q, and its part within the cone, m
   };
-  Friction friction(const FemFields& fields, int i, const Vec3<double>& normal) const {
+  Friction friction(const FemFields& fields, int i) const {
     constexpr double boundless = 1e12;
     const auto taken = [&](double factor) {
       Vec3<double> left = fields.d[i] + now_[i].slip;
-      Effect::rub(device_, fields.step, factor * normal, {}, left);
+      Effect::rub(device_, fields.step, factor * now_[i].cone, {}, left);
       return fields.d[i] + now_[i].slip - left;
     };
     return {taken(boundless), taken(softer)};
   }
   // d taken / dd: of a sticking node the tangential plane, of a sliding one the turn of its way.
   Eigen::Matrix3d friction_slope(const FemFields& fields, int i) const {
-    const Friction f = friction(fields, i, now_[i].normal);
-    const Eigen::Vector3d normal = to_eigen(now_[i].normal).normalized();
+    const Friction f = friction(fields, i);
+    const Eigen::Vector3d normal = to_eigen(now_[i].cone).normalized();
     Eigen::Matrix3d plane = Eigen::Matrix3d::Identity() - normal * normal.transpose();
     const double taken = norm(f.taken), slip = norm(f.slip);
     if (taken == 0.0) return Eigen::Matrix3d::Zero();  // no friction here, or none yet

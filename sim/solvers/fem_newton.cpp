@@ -3,9 +3,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 namespace viscera::sim {
 namespace {
+
+constexpr double shortest_step = 1e-7;  // of a Newton step: less leads nowhere
+
+constexpr int max_rounds = 200;       // of multipliers, in a step
+constexpr int max_halvings = 6;       // of how far the bounds of friction follow
+constexpr double settled_lag = 1e-2;  // of the normal forces, where the bounds do not follow
 
 double inner(const NodeField& a, const NodeField& b) {
   double sum = 0.0;
@@ -13,11 +20,17 @@ double inner(const NodeField& a, const NodeField& b) {
   return sum;
 }
 
-std::string describe(const char* what, int iterations, double residual, double bound) {
-  char text[160];
-  std::snprintf(text, sizeof(text),
-                "%s after %d Newton iterations (unbalanced %.3g N, allowed %.3g N)", what,
-                iterations, residual, bound);
+// What a solve ended with: which condition, after how many of what, and the force that missed it,
+// N.
+struct Miss {
+  int count;
+  const char* unit;
+  double found, allowed;
+};
+std::string describe(const char* what, const Miss& miss) {
+  char text[200];
+  std::snprintf(text, sizeof(text), "%s %d %s (off by %.3g N, allowed %.3g N)", what, miss.count,
+                miss.unit, miss.found, miss.allowed);
   return text;
 }
 
@@ -32,36 +45,99 @@ FemNewton::FemNewton(FemSystem& system, const Terms& terms, const FemOptions& op
       now_(stiffness.size()),
       ahead_(stiffness.size()) {}
 
+// Why it ends. Every round ends: a Newton step lowers the potential, and their number is bounded.
+// With the bounds of friction as they are, contact is a convex constraint, and a round of
+// multipliers brings their change down by the factor K / (K + h) of stiffness and penalty (method
+// of multipliers). What may go round in circles are the bounds, which follow the normal forces,
+// which friction changes: so when a round brings the change down by less than a tenth, the bounds
+// follow half as far from then on, and after max_halvings not at all. What they lag behind then is
+// judged.
 std::string FemNewton::solve(const FemFields& fields, NodeField& d, NodeField moves) {
+  evaluate(fields, now_);
+  double before = std::numeric_limits<double>::infinity();
+  int halvings = 0;
+  for (int round = 0; round < max_rounds; ++round) {
+    // New multipliers are to move the body, not to be let pass as what forces may be off by: then
+    // they would change by as much again in every round.
+    const double share = round == 0 ? 1.0 : 0.1;
+    if (std::string problem = balance(fields, d, moves, share); !problem.empty()) return problem;
+    const bool follows = halvings < max_halvings;
+    const double allowed = bound(fields);
+    Correction off;
+    for (const auto& term : terms_) {
+      off += term->correct(fields, follows ? std::ldexp(1.0, -halvings) : 0.0);
+    }
+    const double lag_allowed = follows ? allowed : std::max(allowed, settled_lag * off.normal);
+    if (off.change <= allowed && off.lag <= lag_allowed) return "";
+    if (off.change <= allowed && !follows) {
+      return describe(
+          "bounds of friction that normal forces do not bear out, after",
+          {.count = round + 1, .unit = "rounds", .found = off.lag, .allowed = lag_allowed});
+    }
+    if (follows && off.change + off.lag > 0.9 * before) ++halvings;
+    before = off.change + off.lag;
+    evaluate(fields, now_);
+    if (round + 1 == max_rounds) {
+      return describe(
+          "contact multipliers that still change after",
+          {.count = max_rounds, .unit = "rounds", .found = off.change, .allowed = allowed});
+    }
+  }
+  return "";
+}
+
+// Newton's method with the multipliers of the contacts as they are.
+std::string FemNewton::balance(const FemFields& fields, NodeField& d, NodeField& moves,
+                               double share) {
   bool moving = std::ranges::any_of(moves, [](const auto& m) { return dot(m, m) > 0.0; });
   tangent_ = Tangent::exact;
-  evaluate(fields, now_);
-  const auto failed = [&](const char* what, int iteration) {
-    return describe(what, iteration, unbalanced(now_), bound(fields));
+  const auto failed = [&](const char* what, int iteration) -> std::string {
+    if (!moving && unbalanced(now_) <= bound(fields)) return "";
+    return describe(what, {.count = iteration,
+                           .unit = "Newton iterations",
+                           .found = unbalanced(now_),
+                           .allowed = bound(fields)});
   };
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
-    if (!std::isfinite(now_.scale)) return failed("forces that are not finite", iteration);
-    if (!moving && unbalanced(now_) <= bound(fields)) {
-      if (is_settled(fields)) return "";
-      continue;
-    }
+    if (!std::isfinite(now_.scale)) return failed("forces that are not finite after", iteration);
+    if (!moving && unbalanced(now_) <= share * bound(fields)) return "";
     ++iterations_;
-    if (!find_step(fields, moves)) return failed("a tangent that is not definite", iteration);
+    if (!find_step(fields, moves)) return failed("a tangent that is not definite after", iteration);
     if (moving) {
-      for (std::size_t i = 0; i < d.size(); ++i) d[i] += step_[i], moves[i] = {};
+      const double length = longest_step(fields);
+      if (length < shortest_step) {
+        return failed("held nodes that would turn tets inside out after", iteration);
+      }
+      for (std::size_t i = 0; i < d.size(); ++i) {
+        d[i] += length * step_[i];
+        moves[i] *= 1.0 - length;
+      }
       evaluate(fields, now_);
-      moving = false;
+      moving = length < 1.0;
     } else if (!search_line(fields, d)) {
-      if (tangent_ == Tangent::definite) return failed("no step that leads on", iteration);
+      if (is_rounding(fields)) return "";
+      if (tangent_ == Tangent::definite) {
+        const bool is_filtered = longest_step(fields) <= shortest_step;
+        return failed(is_filtered ? "no step that leaves all tets open after"
+                                  : "no step that lowers the potential after",
+                      iteration);
+      }
       tangent_ = Tangent::definite;
     }
   }
-  return failed("no balance", options_.max_iterations);
+  return failed("no balance after", options_.max_iterations);
 }
 
 double FemNewton::residual(const FemFields& fields) {
   evaluate(fields, now_);
-  return unbalanced(now_);
+  constexpr double never = std::numeric_limits<double>::infinity();
+  return std::isfinite(now_.energy) ? unbalanced(now_) : never;
+}
+
+double FemNewton::longest_step(const FemFields& fields) const {
+  double length = 1.0;
+  for (const auto& term : terms_) length = std::min(length, term->longest_step(fields, step_));
+  return length;
 }
 
 void FemNewton::evaluate(const FemFields& fields, FemForces& forces) const {
@@ -70,15 +146,6 @@ void FemNewton::evaluate(const FemFields& fields, FemForces& forces) const {
   for (std::size_t i = 0; i < forces.sum.size(); ++i) {
     if (!system_.is_free(static_cast<int>(i))) forces.sum[i] = forces.loose[i] = {};
   }
-}
-
-// Balanced with the multipliers of the contacts as they are: are these right too?
-bool FemNewton::is_settled(const FemFields& fields) {
-  double change = 0.0;
-  for (const auto& term : terms_) change += term->correct(fields);
-  if (change <= bound(fields)) return true;
-  evaluate(fields, now_);
-  return false;
 }
 
 // A body that nothing holds yet has a singular tangent: the shift bounds its step.
@@ -90,6 +157,7 @@ bool FemNewton::find_step(const FemFields& fields, const NodeField& moves) {
     system_.begin(now_.sum, moves);
     for (const auto& term : terms_) term->add_tangent(fields, tangent_, system_);
     if (shift > 0.0) system_.add_diagonal(shift, stiffness_);
+    is_shifted_ = shift > 0.0;
     if (system_.solve(tolerance, step_)) return true;
     if (tangent_ == Tangent::definite) shift = std::max(least_shift, 100.0 * shift);
     tangent_ = Tangent::definite;
@@ -102,7 +170,7 @@ bool FemNewton::find_step(const FemFields& fields, const NodeField& moves) {
 bool FemNewton::search_line(const FemFields& fields, NodeField& d) {
   const NodeField start = d;
   const double slope = -inner(now_.sum, step_), before = unbalanced(now_);
-  for (double length = 1.0; length > 1e-7; length *= 0.5) {
+  for (double length = longest_step(fields); length > shortest_step; length *= 0.5) {
     for (std::size_t i = 0; i < d.size(); ++i) d[i] = start[i] + length * step_[i];
     evaluate(fields, ahead_);
     const double work = 0.5 * length * (inner(now_.loose, step_) + inner(ahead_.loose, step_));
@@ -117,6 +185,18 @@ bool FemNewton::search_line(const FemFields& fields, NodeField& d) {
   }
   d = start;
   return false;
+}
+
+// Whether Newton's step is within the rounding of the displacements: no double is nearer to
+// balance, whatever the unbalanced forces of stiff parts are.
+bool FemNewton::is_rounding(const FemFields& fields) const {
+  constexpr double rounding = 1e-13;
+  double largest = 0.0, moved = 0.0;
+  for (std::size_t i = 0; i < step_.size(); ++i) {
+    largest = std::max(largest, norm(step_[i]));
+    moved = std::max(moved, norm(fields.u[i] + fields.d[i]));
+  }
+  return !is_shifted_ && largest <= rounding * moved;
 }
 
 double FemNewton::unbalanced(const FemForces& forces) const {

@@ -1,6 +1,7 @@
 // One implicit step: the displacement d at which the forces of all terms balance, by Newton's
-// method with a backtracking line search on the incremental potential. Where the tangent is not
-// positive definite, or its step leads nowhere, the definite tangent takes its place.
+// method with a backtracking line search on the incremental potential, and rounds of contact
+// multipliers around it. Where the tangent is not positive definite, or its step leads nowhere, the
+// definite tangent takes its place. No step turns a guarded tet inside out (FemTerm::longest_step).
 #pragma once
 
 #include <memory>
@@ -18,7 +19,7 @@ class FemNewton {
             const std::vector<double>& stiffness);
 
   // From d on. Nodes that are not free make their `moves` with the first iteration. Returns why no
-  // balance was found, empty when one was.
+  // balance was found and which condition was missed, empty when one was.
   std::string solve(const FemFields& fields, NodeField& d, NodeField moves);
   // Sum of the magnitudes of the unbalanced forces at d, N.
   double residual(const FemFields& fields);
@@ -26,9 +27,12 @@ class FemNewton {
 
  private:
   void evaluate(const FemFields& fields, FemForces& forces) const;
-  bool is_settled(const FemFields& fields);
+  // Goes on to `share` of what forces may be off by where it can.
+  std::string balance(const FemFields& fields, NodeField& d, NodeField& moves, double share);
   bool find_step(const FemFields& fields, const NodeField& moves);
   bool search_line(const FemFields& fields, NodeField& d);
+  double longest_step(const FemFields& fields) const;  // along step_
+  bool is_rounding(const FemFields& fields) const;
   double unbalanced(const FemForces& forces) const;
   double bound(const FemFields& fields) const;
 
@@ -39,6 +43,7 @@ class FemNewton {
   FemForces now_, ahead_;
   NodeField step_;
   Tangent tangent_ = Tangent::exact;
+  bool is_shifted_ = false;  // the last tangent, which makes its step shorter than Newton's
   int iterations_ = 0;
 };
 

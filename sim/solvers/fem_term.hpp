@@ -52,6 +52,17 @@ struct FemForces {
 // The tangent as it is, or the nearest that is positive semi-definite element by element.
 enum class Tangent { exact, definite };
 
+// What contact multipliers were off by at a solved step.
+struct Correction {
+  double change = 0.0;  // N, by how much the contact forces change with the multipliers
+  double lag = 0.0;     // N of normal force by which the bounds of friction were off
+  double normal = 0.0;  // N, sum of the normal forces
+  Correction& operator+=(const Correction& more) {
+    change += more.change, lag += more.lag, normal += more.normal;
+    return *this;
+  }
+};
+
 class FemTerm {
  public:
   virtual ~FemTerm() = default;
@@ -59,11 +70,13 @@ class FemTerm {
   virtual void take_places(const FemSystem& system) = 0;  // after the system was analysed
   virtual void begin_step(const FemFields&) {}
   virtual void undo_step() {}  // as it was when the step began
+  // How much of `step` from d on may be made, 0 to 1: no tet that has a barrier is turned over.
+  virtual double longest_step(const FemFields&, const NodeField& /*step*/) const { return 1.0; }
   virtual void add_forces(const FemFields& fields, FemForces& forces) const = 0;
   virtual void add_tangent(const FemFields& fields, Tangent kind, FemSystem& system) const = 0;
-  // Contact only: brings the multipliers up to date with a solved step and returns by how much the
-  // forces change, N.
-  virtual double correct(const FemFields&) { return 0.0; }
+  // Contact only: brings the multipliers up to date with a solved step, and the bounds of friction
+  // by the share `follow` of the way to what the normal forces now allow (0: they stay).
+  virtual Correction correct(const FemFields&, double /*follow*/) { return {}; }
   // May change the velocity that a step ends with; `before` is that at its start.
   virtual void end_step(const FemFields&, const NodeField& /*before*/, NodeField& /*velocity*/) {}
   virtual std::size_t contact_count() const { return 0; }

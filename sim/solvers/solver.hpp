@@ -6,12 +6,10 @@
 #include <utility>
 #include <vector>
 
+#include "sim/diagnostics.hpp"
 #include "sim/state.hpp"
 
 namespace viscera::sim {
-
-struct Model;
-struct Scene;
 
 // A step that has no solution, or none that was found; what() says with what it ended. The solver
 // is left in the last good state.
@@ -45,6 +43,11 @@ class Solver {
   // numbers; the rest of the scene is not looked at. An obstacle that is led into the body is not
   // refused: it pushes. Throws Refusal for params out of range and for other effects.
   virtual void steer(const Scene& scene) = 0;
+  // Of a state of this solver, over the elements and with the mass matrix that it solves. May be
+  // called while another thread steps the solver.
+  virtual Diagnostics diagnose(const Model& model, const Scene& scene, const State& state) const {
+    return sim::diagnose(model, scene, state);
+  }
   virtual std::size_t contact_count() const = 0;  // vertices in contact at the end of the frame
   virtual std::string device() const = 0;         // "cpu, 2 threads", "cuda, NVIDIA H200"
   // Whether a frame leaves the host's cores to others.

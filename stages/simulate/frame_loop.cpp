@@ -153,7 +153,7 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                 .time_s = index * frame_s,
                 .contacts = stepped.contacts,
                 .step_ms = 1e3 * stepped.step_s};
-    frame.now = timed(aside.diagnosis, [&] { return diagnose(model, scene, state); });
+    frame.now = timed(aside.diagnosis, [&] { return solver.diagnose(model, scene, state); });
     outcome.divergence = why_diverged(state, frame.now, size);
     if (objects && !begins && outcome.divergence.empty()) outcome.divergence = objects(state);
     if (outcome.divergence.empty()) {

@@ -13,6 +13,7 @@
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
 #include "sim/explicit_limit.hpp"
+#include "sim/locking.hpp"
 #include "sim/stability.hpp"
 #include "sim/start.hpp"
 #include "stages/common/tet_io.hpp"
@@ -88,14 +89,27 @@ void rehearse(const Schedule& schedule, sim::Model& model, sim::Scene& scene, si
   }
 }
 
+// The numbers of the method that was asked for, and of no other: implicit finite elements have
+// none.
 void report_stability(StageRun& run, const sim::Stability& stability, const sim::Scene& scene,
-                      int asked_substeps) {
+                      int asked_substeps, sim::Method method) {
   run.metric("substeps", scene.time.substeps);
-  run.metric("stability_Cs_max", stability.cs_max);
-  run.metric("stability_Cs_tet", stability.cs_tet);
-  run.metric("stability_kappa_max", stability.kappa_max);
   run.metric("altitude_min", m_to_mm * stability.altitude_min, "mm");
-  run.metric("stability_switched_tets", stability.switched);
+  std::string numbers;
+  if (method == sim::Method::xpbd || method == sim::Method::pbd) {
+    run.metric("stability_Cs_max", stability.cs_max);
+    run.metric("stability_Cs_tet", stability.cs_tet);
+    numbers += fmt::format("Cs {:.3f}, ", stability.cs_max);
+  }
+  if (method == sim::Method::xpbd) {
+    run.metric("stability_kappa_max", stability.kappa_max);
+    run.metric("stability_switched_tets", stability.switched);
+    numbers += fmt::format("kappa {:.3f}, ", stability.kappa_max);
+  }
+  if (method == sim::Method::tled) {
+    run.metric("stability_courant_max", stability.courant_max);
+    numbers += fmt::format("Courant {:.3f}, ", stability.courant_max);
+  }
   if (stability.switched > 0) {
     log::warn(
         "{} tets have a Cs of up to {:.2f} (limit {:.1f}): corotational in place of neo_hookean",
@@ -110,8 +124,24 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
         "{} is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
         limit.name, limit.value, limit.tet, limit.at_most, stability.substeps_needed);
   }
-  log::info("Cs {:.3f}, kappa {:.3f}, {} substeps of {:.3g} ms", stability.cs_max,
-            stability.kappa_max, scene.time.substeps, 1e3 * scene.time.substep_s());
+  log::info("{}{} substeps of {:.3g} ms", numbers, scene.time.substeps,
+            1e3 * scene.time.substep_s());
+}
+
+// Linear tets that can hardly bend (sim/locking.hpp), said before the run. PBD knows no material.
+void report_locking(StageRun& run, const sim::Model& model, const sim::SolverOptions& options) {
+  const bool is_linear = options.method != sim::Method::fem || options.fem.order == 1;
+  if (!is_linear || options.method == sim::Method::pbd) return;
+  const sim::Locking locking = sim::assess_locking(model);
+  run.metric("locking_estimate", locking.loss);
+  if (!(locking.poisson_ratio > sim::locking_from_nu)) return;
+  log::warn(
+      "linear tets lock at nu {:.4g}: with cells of {:.2g} mm in a body about {:.2g} mm thick, "
+      "deflections in bending may come out up to {:.0f} % too small (measured on bars against "
+      "quadratic tets; less where the body is hardly bent)\n"
+      "  remedy:  solver: fem with fem_order: 2, nu of {} or less, or smaller cells",
+      locking.poisson_ratio, m_to_mm * locking.cell, m_to_mm * locking.thickness,
+      100.0 * locking.loss, sim::locking_from_nu);
 }
 
 // The share of tets on which viscosity is lowered already at rest (effects/viscosity.hpp).
@@ -168,9 +198,10 @@ void simulate(StageRun& run) {
   auto [file, mesh, model] = set_up(run);
   const Schedule schedule(file);
   const int asked_substeps = file.scene.time.substeps;
-  const sim::Stability stability =
-      apply_policy(schedule, model, file.scene, solver_options(run).method);
-  report_stability(run, stability, file.scene, asked_substeps);
+  const sim::SolverOptions options = solver_options(run);
+  const sim::Stability stability = apply_policy(schedule, model, file.scene, options.method);
+  report_stability(run, stability, file.scene, asked_substeps, options.method);
+  report_locking(run, model, options);
   report_viscosity(run, model, file.scene);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
 

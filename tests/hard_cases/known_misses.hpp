@@ -61,8 +61,6 @@ inline const std::vector<KnownMiss> known_misses = [] {
       {"stiffness jump 1e6", "xpbd block_gauss_seidel", "", 1},
       {"stiffness jump 1e6", "xpbd jacobi, split 4", "", 1},
       {"stiffness jump 1e6", "tled", "", 1},
-      // Not the same bits in every run of a loaded machine.
-      {"two runs", "fem", "", 1},
   };
 }();
 

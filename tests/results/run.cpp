@@ -60,7 +60,7 @@ Run::Run(const Model& model, const Scene& scene, const SolverOptions& options)
 
 void Run::look() {
   state_ = solver_->state();
-  now_ = diagnose(model_, scene_, state_);
+  now_ = solver_->diagnose(model_, scene_, state_);
   finite_ = state_.finite();
   peak_energy_ = std::max(peak_energy_, now_.total());
   peak_speed_ = std::max(peak_speed_, now_.max_speed);

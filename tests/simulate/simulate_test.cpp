@@ -268,6 +268,52 @@ TEST_F(Simulate, TheStabilityPolicyRefusesOrRaisesTheSubsteps) {
   EXPECT_LE(metric("stability_Cs_max").get<double>(), 0.6);
 }
 
+TEST_F(Simulate, ASolverPrintsTheStabilityNumbersOfItsOwnMethodOnly) {
+  const std::vector<std::string> all = {"stability_Cs_max", "stability_Cs_tet",
+                                        "stability_kappa_max", "stability_switched_tets",
+                                        "stability_courant_max"};
+  const auto printed = [&] {
+    std::string names;
+    for (const auto& name : all) names += metric(name) == "absent" ? "" : name + " ";
+    return names;
+  };
+  const auto run_with = [&](const std::string& solver, const std::string& scene = drop_scene) {
+    return run(scene, {"--set", "solver=" + solver, "--set", "end=0.02s"});
+  };
+  EXPECT_EQ(
+      run_with("fem", with(drop_scene, "inverted_max: {max: 0}", "stability_Cs_max: {max: 0.6}")),
+      0)
+      << errors;
+  EXPECT_EQ(printed(), "");
+  EXPECT_EQ(errors.find("kappa"), std::string::npos) << errors;
+  EXPECT_EQ(errors.find("Cs 0"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("expect.stability_Cs_max is not judged"), std::string::npos) << errors;
+  EXPECT_EQ(run_with("xpbd"), 0) << errors;
+  EXPECT_EQ(printed(),
+            "stability_Cs_max stability_Cs_tet stability_kappa_max stability_switched_tets ");
+  EXPECT_NE(errors.find("kappa"), std::string::npos) << errors;
+}
+
+TEST_F(Simulate, LinearTetsThatLockAreToldBeforeTheRunWithAnEstimate) {
+  const auto stiff = with(drop_scene, "nu: 0.45", "nu: 0.499");
+  const auto run_for = [&](const std::string& scene, std::vector<std::string> extra) {
+    extra.insert(extra.end(), {"--set", "end=0.02s", "--set", "substeps=512"});
+    return run(scene, extra);
+  };
+  for (const std::string solver : {"xpbd", "fem"}) {
+    EXPECT_EQ(run_for(stiff, {"--set", "solver=" + solver}), 0) << errors;
+    EXPECT_NE(errors.find("linear tets lock at nu 0.499"), std::string::npos) << errors;
+    EXPECT_NE(errors.find("fem_order: 2"), std::string::npos) << errors;
+    EXPECT_GT(metric("locking_estimate").get<double>(), 0.5);
+    EXPECT_EQ(run_for(drop_scene, {"--set", "solver=" + solver}), 0) << errors;
+    EXPECT_EQ(errors.find("lock"), std::string::npos) << errors;
+  }
+  const auto quadratic = with(stiff, "  viscosity:\n", "");
+  EXPECT_EQ(run_for(quadratic, {"--set", "solver=fem", "--set", "fem_order=2"}), 0) << errors;
+  EXPECT_EQ(errors.find("lock"), std::string::npos) << errors;
+  EXPECT_EQ(metric("locking_estimate"), "absent");
+}
+
 TEST_F(Simulate, AnAbsentDeviceIsExitSixAndAutoFallsBackSayingSo) {
   if (sim::find_cuda_device().name) GTEST_SKIP() << "there is a CUDA device here";
   EXPECT_EQ(run(drop_scene, {"--set", "device=cuda", "--set", "end=0.05s"}), 6) << errors;

@@ -48,11 +48,14 @@ FemSystem system_of(FemTerm& term, std::size_t nodes) {
 
 // K p against the central difference of the forces along p, and force . p against that of the
 // potential. Of forces that have none K is the symmetric part, which p . K p tells. Displacements
-// are of the order of `size`, m.
-void check_derivatives(FemTerm& term, std::size_t nodes, double size, const char* what) {
+// are of the order of `size`, m; with `about` they are around these, where a step begins.
+void check_derivatives(FemTerm& term, std::size_t nodes, double size, const char* what,
+                       const NodeField& about = {}) {
   FemSystem system = system_of(term, nodes);
   for (unsigned seed = 1; seed <= 3; ++seed) {
-    const Bench at(nodes, seed, size);
+    Bench at(nodes, seed, size);
+    for (std::size_t i = 0; i < about.size(); ++i) at.u[i] += about[i];
+    if (!about.empty()) term.begin_step({at.u, at.d, {dt, 0.0}});
     std::mt19937 generator(seed + 100);
     NodeField p(nodes);
     for (auto& a : p) a = random_vector(generator, size);
@@ -87,6 +90,73 @@ TEST(FemTerms, NeoHookeanForcesAndTangentsAreDerivativesOnLinearAndQuadraticTets
   NeoHookeanTerm<10> on_quadratic(model, quadratic);
   check_derivatives(on_linear, linear.node_count(), 0.004, "linear");
   check_derivatives(on_quadratic, quadratic.node_count(), 0.002, "quadratic");
+}
+
+TEST(VolumeBarrier, HasTheSlopeAndCurvatureOfItsEnergyAndNoneAboveItsOnset) {
+  constexpr double lambda = 3e4, h = 1e-6;
+  const auto at = [](double j) { return VolumeBarrier::at(lambda, j); };
+  for (const double j : {1e-3, 0.02, 0.1, 0.2, 0.29}) {
+    const double step = h * j;
+    const auto more = at(j + step), less = at(j - step);
+    EXPECT_NEAR((more.energy - less.energy) / (2 * step), at(j).slope,
+                1e-6 * std::abs(at(j).slope));
+    EXPECT_NEAR((more.slope - less.slope) / (2 * step), at(j).curvature, 1e-6 * at(j).curvature);
+    EXPECT_GT(at(j).energy, 0.0);
+    EXPECT_LT(at(j).slope, 0.0);
+    EXPECT_GT(at(j).curvature, 0.0);
+  }
+  for (const double j : {VolumeBarrier::onset, 0.31, 1.0, 2.0}) {
+    EXPECT_EQ(at(j).energy, 0.0);
+    EXPECT_EQ(at(j).slope, 0.0);
+    EXPECT_EQ(at(j).curvature, 0.0);
+  }
+  // Twice continuously differentiable: all three go to zero with the distance to the onset.
+  const auto below = at(VolumeBarrier::onset - 1e-6);
+  EXPECT_LT(below.energy, 1e-15 * lambda);
+  EXPECT_LT(std::abs(below.slope), 1e-10 * lambda);
+  EXPECT_LT(below.curvature, 1e-4 * lambda);
+  // And no finite energy leads to J = 0: the slope there is beyond any stress of the law.
+  EXPECT_LT(at(1e-8).slope, -1e6 * lambda);
+}
+
+// Every node nearer to the origin: J of every tet is the cube of `factor`.
+NodeField shrunk(const FemMesh& mesh, double factor) {
+  NodeField u;
+  for (const auto& x : mesh.rest) u.push_back((factor - 1.0) * x);
+  return u;
+}
+
+TEST(FemTerms, WithTheBarrierForcesAndTangentsAreDerivativesToo) {
+  const Model model = make_cube(2);
+  const FemMesh linear(model, 1), quadratic(model, 2);
+  NeoHookeanTerm<4> on_linear(model, linear);
+  NeoHookeanTerm<10> on_quadratic(model, quadratic);
+  check_derivatives(on_linear, linear.node_count(), 2e-4, "linear", shrunk(linear, 0.5));
+  check_derivatives(on_quadratic, quadratic.node_count(), 1e-4, "quadratic",
+                    shrunk(quadratic, 0.5));
+}
+
+TEST(FemTerms, NoStepTurnsAnOpenTetOverAndWhatIsInsideOutMayMoveFreely) {
+  const Model model = make_cube(2);
+  const FemMesh mesh(model, 1);
+  NeoHookeanTerm<4> term(model, mesh);
+  system_of(term, mesh.node_count());
+  const NodeField rest(mesh.node_count()), mirrored = shrunk(mesh, -1.0);
+  const FemFields open{rest, rest, {dt, 0.0}}, turned{mirrored, rest, {dt, 0.0}};
+  term.begin_step(open);
+  const double length = term.longest_step(open, mirrored);
+  EXPECT_GT(length, 0.0);
+  EXPECT_LT(length, 0.5) << "half of the way all points are one";
+  NodeField d = mirrored;
+  for (auto& move : d) move *= length;
+  FemForces forces(mesh.node_count());
+  term.add_forces({rest, d, {dt, 0.0}}, forces);
+  EXPECT_TRUE(std::isfinite(forces.energy));
+  forces.clear();
+  term.add_forces({rest, mirrored, {dt, 0.0}}, forces);
+  EXPECT_EQ(forces.energy, std::numeric_limits<double>::infinity());
+  term.begin_step(turned);
+  EXPECT_EQ(term.longest_step(turned, mirrored), 1.0);
 }
 
 TEST(FemTerms, EveryElementEffectHasTheTangentOfItsForces) {
