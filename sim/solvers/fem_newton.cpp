@@ -115,7 +115,6 @@ std::string FemNewton::balance(const FemFields& fields, NodeField& d, NodeField&
       evaluate(fields, now_);
       moving = length < 1.0;
     } else if (!search_line(fields, d)) {
-      if (is_rounding(fields)) return "";
       if (tangent_ == Tangent::definite) {
         const bool is_filtered = longest_step(fields) <= shortest_step;
         return failed(is_filtered ? "no step that leaves all tets open after"
@@ -130,8 +129,8 @@ std::string FemNewton::balance(const FemFields& fields, NodeField& d, NodeField&
 
 double FemNewton::residual(const FemFields& fields) {
   evaluate(fields, now_);
-  constexpr double never = std::numeric_limits<double>::infinity();
-  return std::isfinite(now_.energy) ? unbalanced(now_) : never;
+  constexpr double no_start = std::numeric_limits<double>::infinity();
+  return std::isfinite(now_.energy) ? unbalanced(now_) : no_start;
 }
 
 double FemNewton::longest_step(const FemFields& fields) const {
@@ -157,7 +156,6 @@ bool FemNewton::find_step(const FemFields& fields, const NodeField& moves) {
     system_.begin(now_.sum, moves);
     for (const auto& term : terms_) term->add_tangent(fields, tangent_, system_);
     if (shift > 0.0) system_.add_diagonal(shift, stiffness_);
-    is_shifted_ = shift > 0.0;
     if (system_.solve(tolerance, step_)) return true;
     if (tangent_ == Tangent::definite) shift = std::max(least_shift, 100.0 * shift);
     tangent_ = Tangent::definite;
@@ -185,18 +183,6 @@ bool FemNewton::search_line(const FemFields& fields, NodeField& d) {
   }
   d = start;
   return false;
-}
-
-// Whether Newton's step is within the rounding of the displacements: no double is nearer to
-// balance, whatever the unbalanced forces of stiff parts are.
-bool FemNewton::is_rounding(const FemFields& fields) const {
-  constexpr double rounding = 1e-13;
-  double largest = 0.0, moved = 0.0;
-  for (std::size_t i = 0; i < step_.size(); ++i) {
-    largest = std::max(largest, norm(step_[i]));
-    moved = std::max(moved, norm(fields.u[i] + fields.d[i]));
-  }
-  return !is_shifted_ && largest <= rounding * moved;
 }
 
 double FemNewton::unbalanced(const FemForces& forces) const {

@@ -32,7 +32,6 @@ class FemNewton {
   bool find_step(const FemFields& fields, const NodeField& moves);
   bool search_line(const FemFields& fields, NodeField& d);
   double longest_step(const FemFields& fields) const;  // along step_
-  bool is_rounding(const FemFields& fields) const;
   double unbalanced(const FemForces& forces) const;
   double bound(const FemFields& fields) const;
 
@@ -43,7 +42,6 @@ class FemNewton {
   FemForces now_, ahead_;
   NodeField step_;
   Tangent tangent_ = Tangent::exact;
-  bool is_shifted_ = false;  // the last tangent, which makes its step shorter than Newton's
   int iterations_ = 0;
 };
 
