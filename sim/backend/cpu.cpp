@@ -105,6 +105,7 @@ class CpuSolver final : public Solver {
     for (int i = 0; i < n_; ++i) u_[i].v = cast<T>(state.u[i]);
     v_ = cast_all<T>(state.v);
     step_ = state.step;
+    bounds_ = !bounded_.has_inverted(state);
     load_memory(own_, state);
     if (copies_) copies_->load(state);
   }
@@ -401,12 +402,18 @@ class CpuSolver final : public Solver {
 
   // One thread: the list is short, and the result depends on its order.
   void bound_volumes(int rank, bool last_of_frame) {
+    if (bounded_.vertices.empty()) return;
     if (last_of_frame) watch_volumes(rank, true);
-    if (watched_.empty()) return;
+    if (watched_.empty() && !last_of_frame) return;
     team_.barrier();
     if (rank == 0) {
-      repeat_over_watched(VolumeBound::pushes, [](MovingTet<T>& tet) { return tet.push(); });
-      repeat_over_watched(VolumeBound::halts, [](MovingTet<T>& tet) { return tet.halt(); });
+      if (bounds_) {
+        repeat_over_watched(VolumeBound::pushes, [](MovingTet<T>& tet) { return tet.push(); });
+        repeat_over_watched(VolumeBound::halts, [](MovingTet<T>& tet) { return tet.halt(); });
+      }
+      if (last_of_frame) {
+        bounds_ = VolumeBound::goes_on(bounds_, watched_.size(), bounded_.vertices.size());
+      }
     }
     team_.barrier();
   }
@@ -469,6 +476,7 @@ class CpuSolver final : public Solver {
   BoundedTets<T> bounded_;
   std::vector<std::vector<int>> found_;  // [threads] near the bound, of each thread's part
   std::vector<int> watched_;             // all of them, in order
+  bool bounds_ = true;                   // whether the bound acts
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;

@@ -300,6 +300,7 @@ class CudaSolver final : public Solver {
     u_.upload(cast_all<T>(state.u));
     v_.upload(cast_all<T>(state.v));
     done_.upload({state.step});
+    volume_bound_.begin_at(state);
     load_memory(effects_, state);
     for_each_slot<EffectKind::self_contact>(effects_,
                                             [&]<class Effect>(auto& effect) { effect.forget(); });
@@ -440,7 +441,8 @@ class CudaSolver final : public Solver {
       rub<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
           n_, effect.device, effect.correction.get(), v_.get(), d_.get(), done_.get(), dt_);
     });
-    volume_bound_.enqueue(stream_, u_.get(), d_.get(), inverse_mass_.get(), dt);
+    volume_bound_.enqueue(stream_, u_.get(), d_.get(), inverse_mass_.get(), dt, done_.get(),
+                          substeps_);
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
       if constexpr (can_stop<Effect, T>) {
         stop<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(

@@ -23,6 +23,8 @@ struct VolumeBoundView {
   int* watched;               // [count] tets near the bound
   unsigned char* below;       // [count] by place in `watched`
   int* wrong;                 // [count] places in `watched`
+  bool* acts;                 // whether the bound does
+  int substeps;               // a frame
 
   __device__ MovingTet<T> tet(int t) const {
     MovingTet<T> tet{.rest_inverse = rest[t]};
@@ -96,53 +98,84 @@ __device__ void repeat_over_watched(const VolumeBoundView<T>& view, int watched,
 }
 
 template <class T>
-__global__ void __launch_bounds__(bound_threads) bound_volumes(VolumeBoundView<T> view) {
+__global__ void __launch_bounds__(bound_threads)
+    bound_volumes(VolumeBoundView<T> view, const unsigned long long* done) {
   const int watched = compact(view.near_bound, view.count, view.watched);
-  if (watched == 0) return;
-  const auto push = [](MovingTet<T>& tet) { return tet.push(); };
-  const auto halt = [](MovingTet<T>& tet) { return tet.halt(); };
-  const auto would = [](const auto& correct) {
-    return [correct](MovingTet<T> copy) { return correct(copy); };
-  };
-  repeat_over_watched(view, watched, VolumeBound::pushes, would(push), push);
-  repeat_over_watched(view, watched, VolumeBound::halts, would(halt), halt);
+  const bool acts = *view.acts;
+  if (acts && watched > 0) {
+    const auto push = [](MovingTet<T>& tet) { return tet.push(); };
+    const auto halt = [](MovingTet<T>& tet) { return tet.halt(); };
+    const auto would = [](const auto& correct) {
+      return [correct](MovingTet<T> copy) { return correct(copy); };
+    };
+    repeat_over_watched(view, watched, VolumeBound::pushes, would(push), push);
+    repeat_over_watched(view, watched, VolumeBound::halts, would(halt), halt);
+  }
+  if (threadIdx.x == 0 && (*done + 1) % view.substeps == 0) {
+    *view.acts = VolumeBound::goes_on(acts, watched, view.count);
+  }
 }
 
 // The tets of a body that the bound is for, on the device; empty where a scene has no such law.
 template <class T>
 class CudaVolumeBound {
  public:
-  explicit CudaVolumeBound(const BoundedTets<T>& tets)
-      : vertices_(tets.vertices),
-        rest_(tets.rest_inverse),
-        near_bound_(tets.vertices.size()),
-        watched_(tets.vertices.size()),
-        below_(tets.vertices.size()),
-        wrong_(tets.vertices.size()),
-        count_(static_cast<int>(tets.vertices.size())) {}
+  explicit CudaVolumeBound(BoundedTets<T> tets)
+      : tets_(std::move(tets)),
+        vertices_(tets_.vertices),
+        rest_(tets_.rest_inverse),
+        near_bound_(tets_.vertices.size()),
+        watched_(tets_.vertices.size()),
+        below_(tets_.vertices.size()),
+        wrong_(tets_.vertices.size()),
+        acts_(1),
+        count_(static_cast<int>(tets_.vertices.size())) {
+    begin_at({});
+  }
+
+  // Whether the bound acts from this state on; one without displacements is that of rest.
+  void begin_at(const State& state) {
+    const bool acts = state.u.empty() || !tets_.has_inverted(state);
+    check(cudaMemcpy(acts_.get(), &acts, sizeof(acts), cudaMemcpyHostToDevice), "uploading");
+    check(cudaStreamSynchronize(nullptr), "uploading");
+  }
 
   static std::size_t bytes(const BoundedTets<T>& tets) {
     return tets.vertices.size() * (sizeof(Tet) + sizeof(Mat3<T>) + 2 + 2 * sizeof(int));
   }
 
-  void enqueue(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* inverse_mass,
-               T dt) const {
+  // `done` counts the substeps on the device, of which a frame has `substeps`.
+  void enqueue(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* inverse_mass, T dt,
+               const unsigned long long* done, int substeps) const {
     if (count_ == 0) return;
-    const VolumeBoundView<T> view{
-        count_,         vertices_.get(), rest_.get(), u, d, inverse_mass, dt, near_bound_.get(),
-        watched_.get(), below_.get(),    wrong_.get()};
+    const VolumeBoundView<T> view{.count = count_,
+                                  .vertices = vertices_.get(),
+                                  .rest = rest_.get(),
+                                  .u = u,
+                                  .d = d,
+                                  .inverse_mass = inverse_mass,
+                                  .dt = dt,
+                                  .near_bound = near_bound_.get(),
+                                  .watched = watched_.get(),
+                                  .below = below_.get(),
+                                  .wrong = wrong_.get(),
+                                  .acts = acts_.get(),
+                                  .substeps = substeps};
     constexpr int width = 256;
-    watch_volumes<T><<<(count_ + width - 1) / width, width, 0, stream>>>(view);
-    bound_volumes<T><<<1, bound_threads, 0, stream>>>(view);
+    const int blocks = (count_ + width - 1) / width;
+    watch_volumes<T><<<blocks, width, 0, stream>>>(view);
+    bound_volumes<T><<<1, bound_threads, 0, stream>>>(view, done);
   }
 
  private:
+  BoundedTets<T> tets_;
   DeviceArray<Tet> vertices_;
   DeviceArray<Mat3<T>> rest_;
   DeviceArray<unsigned char> near_bound_;
   DeviceArray<int> watched_;
   DeviceArray<unsigned char> below_;
   DeviceArray<int> wrong_;
+  DeviceArray<bool> acts_;
   int count_;
 };
 

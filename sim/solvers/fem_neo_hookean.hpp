@@ -16,7 +16,9 @@
 // A quadrature point is guarded over a step when it is open at the step's beginning: it has the
 // barrier, its energy is infinite at J <= 0, and longest_step() stops a step before that. One that
 // begins at J <= 0 (a mirrored or flat start), or so near to it that rounding decides the sign, has
-// the law alone over this step, and the barrier from the first step on that it begins open.
+// the law alone over this step. A body that has such points when it starts, mirrored or scrambled,
+// finds its shape only if its parts may pass through one another: it has no barrier at all until a
+// step begins with no point below VolumeBound::watched.
 #pragma once
 
 #include <limits>
@@ -25,6 +27,7 @@
 #include "sim/effects/volume_barrier.hpp"
 #include "sim/solvers/fem_mesh.hpp"
 #include "sim/solvers/fem_term.hpp"
+#include "sim/solvers/volume_bound.hpp"
 
 namespace viscera::sim {
 
@@ -104,13 +107,22 @@ class NeoHookeanTerm final : public FemTerm {
 
   // A tet of which every node is led has no say in where they go.
   void begin_step(const FemFields& fields) override {
+    std::size_t watched = 0, closed = 0;
     for (std::size_t t = 0; t < tets_.size(); ++t) {
       for (int p = 0; p < point_count; ++p) {
         const Mat3<double> h = gradient_at<n>(tets_[t].nodes, tets_[t].points[p], fields.u);
-        guarded_[t][p] = moves_[t] && is_open(1.0 + NeoHookean::volume_strain(h));
+        const double j = 1.0 + NeoHookean::volume_strain(h);
+        guarded_[t][p] = moves_[t] && is_open(j);
+        watched += j < VolumeBound::watched;
+        closed += !is_open(j);
       }
     }
+    guards_ = first_ ? closed == 0 : guards_ || watched == 0;
+    first_ = false;
+    if (guards_) return;
+    for (auto& points : guarded_) points.fill(0);
   }
+  void load_memory(std::span<const double>&) override { first_ = true; }
 
   // A guarded point keeps a tenth of its J: the rule of interior point methods that a step ends
   // before the boundary.
@@ -193,7 +205,8 @@ class NeoHookeanTerm final : public FemTerm {
   const std::vector<FemTet<n>>& tets_;
   std::vector<Lame> lame_;
   std::vector<std::array<char, point_count>> guarded_;  // [tets] each point's, over this step
-  std::vector<char> moves_;                             // [tets] whether a node of it is free
+  bool guards_ = true, first_ = true;  // whether any is; the next step is the first
+  std::vector<char> moves_;            // [tets] whether a node of it is free
   std::vector<FemSystem::Places<n>> places_;
 };
 

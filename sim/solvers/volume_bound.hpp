@@ -23,6 +23,12 @@
 //    together satisfies every such condition at once, so the repeated averages have somewhere to
 //    go.
 //
+// A body that begins inside out, mirrored or scrambled, finds its shape only if its parts may pass
+// through one another, and so does one that is let go from a twist that presses all of it. So the
+// bound rests from a state with an inverted tet, or a frame that ends with more than `crushed` of
+// the tets below `watched`, until a frame ends with none of them there. (Of the landing livers less
+// than 1 % are.)
+//
 // Few tets are near the bound. Every `scan_every` substeps and at the last of a frame all tets are
 // looked at, and those with J < `watched` make the list that is looked at in between.
 //
@@ -35,6 +41,7 @@
 
 #include "sim/effects/neo_hookean.hpp"
 #include "sim/scene.hpp"
+#include "sim/state.hpp"
 
 namespace viscera::sim {
 
@@ -48,6 +55,7 @@ struct VolumeBound {
       0.1;  // share of a tet's size that one push moves a vertex at most
   static constexpr int pushes = 4, halts = 32;
   static constexpr int scan_every = 4;  // substeps
+  static constexpr double crushed = 0.05;
 
   // Whether the scene has a law of elasticity whose tets could turn inside out.
   static bool is_needed(const Scene& scene) {
@@ -58,6 +66,13 @@ struct VolumeBound {
       }
     });
     return needed;
+  }
+
+  // Whether the bound acts in the next frame: `watched` of `tets` are below that J at the end of
+  // this.
+  SIM_HD static bool goes_on(bool acts, std::size_t watched, std::size_t tets) {
+    if (!acts) return watched == 0;
+    return static_cast<double>(watched) <= crushed * static_cast<double>(tets);
   }
 };
 
@@ -134,6 +149,16 @@ struct BoundedTets {
     if (!VolumeBound::is_needed(scene)) return;
     vertices = model.tets;
     for (const auto& b : model.rest_inverse) rest_inverse.push_back(cast<T>(b));
+  }
+
+  bool has_inverted(const State& state) const {
+    for (std::size_t t = 0; t < vertices.size(); ++t) {
+      Vec3<T> u[4];
+      for (int i = 0; i < 4; ++i) u[i] = cast<T>(state.u[vertices[t][i]]);
+      if (NeoHookean::volume_strain(displacement_gradient(u, rest_inverse[t])) <= T(-1))
+        return true;
+    }
+    return false;
   }
 };
 

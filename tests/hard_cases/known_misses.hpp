@@ -24,10 +24,11 @@ inline const std::vector<KnownMiss> known_misses = [] {
       // bar is five times as long, which the check at rest cannot see.
       {"twist 720° and stretch ×5, release", "xpbd gauss_seidel", "", 6.1},
       {"twist 720° and stretch ×5, release", "tled", "", unbounded},
-      {"twist 720° and stretch ×5, release", "fem", "", 2.02},
+      {"twist 720° and stretch ×5, release", "fem", "", 3.34},
       // At the Cs limit one iteration a substep is not converged where stiff and heavy parts meet.
-      {"stiffness jump 1e2", "xpbd gauss_seidel", "", 1.33},
-      {"stiffness jump 1e2", "xpbd block_gauss_seidel", "", 1.33},
+      // (1.33 while viscosity held the body up at rest, which hid a tenth of it).
+      {"stiffness jump 1e2", "xpbd gauss_seidel", "", 1.46},
+      {"stiffness jump 1e2", "xpbd block_gauss_seidel", "", 1.46},
       {"stiffness jump 1e2", "xpbd jacobi, split 4", "", 11.1},
       {"mass ratio 1e4", "xpbd gauss_seidel", "", 9.92},
       // In blocks by where their borders lie: 18.9 when they were pieces of a Morton curve.
@@ -39,9 +40,9 @@ inline const std::vector<KnownMiss> known_misses = [] {
       // more than a body pressed flat holds, and with one projection a frame a falling one shakes.
       {"squash to a plane", "pbd", "fp64", 1.63},
       {"squash to 1 %", "pbd", "", 1.25},
-      {"1/30 s with one substep, policy refuse", "pbd", "fp32", 1510},
+      {"1/30 s with one substep, policy refuse", "pbd", "fp32", 1560},
       {"1/30 s with one substep, policy refuse", "pbd", "fp64", 1490},
-      {"1/30 s with one substep, policy substeps", "pbd", "fp32", 1510},
+      {"1/30 s with one substep, policy substeps", "pbd", "fp32", 1560},
       {"1/30 s with one substep, policy substeps", "pbd", "fp64", 1490},
       // Backward Euler damps the impact: at 77 substeps a frame XPBD gives back 67.2 mm of 79.2, at
       // 256 75.0, at 1,024 78.1; FEM at its two steps a frame next to nothing, at 64 58.7 of the
