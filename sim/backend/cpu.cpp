@@ -417,17 +417,21 @@ class CpuSolver final : public Solver {
     }
     team_.barrier();
   }
-  // Until correct(tet) has changed none, at most so many times.
+  // Until correct(tet) would change none, at most so many times. Which tets a pass is for is found
+  // first, as on a device, where they are tested side by side.
   template <class Correct>
   void repeat_over_watched(int at_most, Correct&& correct) {
-    bool changed = true;
-    for (int pass = 0; changed && pass < at_most; ++pass) {
-      changed = false;
+    for (int pass = 0; pass < at_most; ++pass) {
+      wrong_.clear();
       for (const int t : watched_) {
+        MovingTet<T> tet = moving_tet(t);
+        if (correct(tet)) wrong_.push_back(t);
+      }
+      if (wrong_.empty()) return;
+      for (const int t : wrong_) {
         MovingTet<T> tet = moving_tet(t);
         if (!correct(tet)) continue;
         for (int i = 0; i < 4; ++i) d_[bounded_.vertices[t][i]].v = tet.d[i];
-        changed = true;
       }
     }
   }
@@ -476,6 +480,7 @@ class CpuSolver final : public Solver {
   BoundedTets<T> bounded_;
   std::vector<std::vector<int>> found_;  // [threads] near the bound, of each thread's part
   std::vector<int> watched_;             // all of them, in order
+  std::vector<int> wrong_;               // those of them that a pass corrects
   bool bounds_ = true;                   // whether the bound acts
   Seconds seconds_{};
   int n_;
