@@ -49,7 +49,7 @@ struct VolumeBound {
   static constexpr double least = 0.3;       // J_min
   static constexpr double halted = 0.2;      // J_halt
   static constexpr double watched = 0.5;     // J below which a tet is on the list
-  static constexpr double tolerance = 0.01;  // of J, within which the bound counts as kept
+  static constexpr double tolerance = 1e-5;  // of J, within which the bound counts as kept
   static constexpr double opening = 0.1;     // of J, at most in a substep
   static constexpr double reach =
       0.1;  // share of a tet's size that one push moves a vertex at most
