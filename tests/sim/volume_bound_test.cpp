@@ -106,14 +106,17 @@ Scene pressed(double speed) {
   return scene;
 }
 
-class PressedBody : public testing::TestWithParam<SolverOptions> {};
+const SolverOptions pressed_by[] = {{.threads = 2},
+                                    {.scheme = Scheme::block_gauss_seidel, .block_tets = 200},
+                                    {.precision = Precision::fp64}};
+class PressedBody : public testing::TestWithParam<int> {};
 
 TEST_P(PressedBody, HasNoTetInsideOutAtTheEndOfAnyFrame) {
   Material soft = soft_tissue;
   soft.youngs_modulus = 1e3;
   const Model model = make_cube(6, soft);
   const Scene scene = pressed(0.25);
-  const auto solver = make_on_cpu(model, scene, GetParam());
+  const auto solver = make_on_cpu(model, scene, pressed_by[GetParam()]);
   double min_j = 1.0;
   for (int frame = 0; frame < 24; ++frame) {
     solver->advance_frame();
@@ -124,10 +127,7 @@ TEST_P(PressedBody, HasNoTetInsideOutAtTheEndOfAnyFrame) {
   EXPECT_LT(min_j, VolumeBound::watched) << "nothing was pressed";
 }
 
-const SolverOptions pressed_by[] = {{.threads = 2},
-                                    {.scheme = Scheme::block_gauss_seidel, .block_tets = 200},
-                                    {.precision = Precision::fp64}};
-INSTANTIATE_TEST_SUITE_P(Each, PressedBody, testing::ValuesIn(pressed_by));
+INSTANTIATE_TEST_SUITE_P(Each, PressedBody, testing::Range(0, 3));
 
 TEST(VolumeBound, ABodyWithoutAnElasticLawHasNone) {
   EXPECT_FALSE(VolumeBound::is_needed(particle_scene()));
@@ -140,19 +140,19 @@ TEST(Viscosity, DoesNotMoveThePlaceOfRest) {
   const auto rest_with = [](double damping, SolverOptions options) {
     Material material = soft_tissue;
     material.damping = damping;
-    const Model model = make_box({0.06, 0.03, 0.03}, {6, 3, 3}, material);
+    const Model model = make_box({0.06, 0.03, 0.03}, {4, 2, 2}, material);
     Scene scene = elastic_scene();
     scene.params<Viscosity>().emplace_back();
     scene.params<Gravity>().emplace_back();
     Fixed::Params held;
     held.side = "right";
     scene.params<Fixed>().push_back(held);
-    scene.time.substeps = 32;
+    scene.time.substeps = 16;
     options.precision = Precision::fp64;
     const auto solver = make_on_cpu(model, scene, options);
-    for (int frame = 0; frame < 600; ++frame) {
+    for (int frame = 0; frame < 260; ++frame) {
       solver->advance_frame();
-      if (frame < 400) continue;
+      if (frame < 100) continue;
       State slower = solver->state();  // damps what the damping does not
       for (auto& v : slower.v) v *= 0.5;
       solver->set_state(slower);
