@@ -60,7 +60,7 @@ class CpuSolver final : public Solver {
         constants_(SweepConstants<T>::of(options)),
         team_(thread_count(options.threads, model)),
         paced_(options.threads == 0 && team_.most() > 1),
-        bounded_(options.method == Method::pbd ? BoundedTets<T>() : BoundedTets<T>(model, scene)),
+        bounded_(options.method == Method::xpbd ? BoundedTets<T>(model, scene) : BoundedTets<T>()),
         found_(team_.most()),
         n_(layout_.vertices),
         u_(n_),

@@ -279,7 +279,7 @@ class CudaSolver final : public Solver {
  public:
   CudaSolver(const Model& model, const Scene& scene, const SolverOptions& options, std::string name)
       : CudaSolver(Program<T>(model, scene),
-                   options.method == Method::pbd ? BoundedTets<T>() : BoundedTets<T>(model, scene),
+                   options.method == Method::xpbd ? BoundedTets<T>(model, scene) : BoundedTets<T>(),
                    options, std::move(name)) {}
 
   void advance_frame() override {

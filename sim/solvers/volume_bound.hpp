@@ -29,6 +29,9 @@
 // the tets below `watched`, until a frame ends with none of them there. (Of the landing livers less
 // than 1 % are.)
 //
+// Of the solvers XPBD has it. TLED does not: it would hide steps that are too long, which end a
+// run.
+//
 // Few tets are near the bound. Every `scan_every` substeps and at the last of a frame all tets are
 // looked at, and those with J < `watched` make the list that is looked at in between.
 //

