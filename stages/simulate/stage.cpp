@@ -211,8 +211,8 @@ class ExplicitWatch {
         limit.courant, limit.substeps_needed, scene_.time.substeps);
   }
 
-  // Some of the steps to the next frame are taken further deformed.
-  static constexpr double allowed = 0.95;
+  // As at rest: some of the steps to the next frame are taken further deformed.
+  static constexpr double allowed = sim::courant_limit;
   const sim::Model& model_;
   const sim::Scene& scene_;
   bool objected_ = false;
