@@ -81,21 +81,15 @@ Imbalance Balance::imbalance(const State& first, const State& second, const Stat
       lacks[i] -= at(velocity[i]) - standing;
     }
   });
-  // What effects with a history remember; quasi-static solvers have none, and no such forces.
-  std::span<const double> memory = now.memory;
-  std::size_t remembered = 0;
-  for_each_slot<EffectKind::element>(on_, [&]<class Effect>(const auto& effect) {
-    remembered += effect.vertices.size() * memory_of<Effect>;
-  });
-  const bool has_memory = memory.size() >= remembered;
-  if (has_memory) memory = memory.last(remembered);  // nodes within edges stand before it
+  const auto remembered = memory_of_elements(on_, now);
+  auto memory = remembered.value_or(std::span<const double>());
   for_each_slot<EffectKind::element>(on_, [&]<class Effect>(const auto& effect) {
     if constexpr (is_load<Effect>) {
       VertexField pushes(n);
       add_forces<Effect>(effect, {}, now.u, {}, pushes);
       found.loads += sum_of_lengths(pushes, free_);
     } else {
-      if (memory_of < Effect >> 0 && !has_memory) return;
+      if (memory_of < Effect >> 0 && !remembered) return;
       // A branch has the force of its strain, whatever the rate.
       add_forces<Effect>(effect, memory, now.u, memory_of<Effect> > 0 ? VertexField{} : moved,
                          rates);

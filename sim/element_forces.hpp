@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -23,6 +24,34 @@ inline constexpr bool is_load = [] {
   return false;
 }();
 
+// One element at displacements u, and d over a substep; `memory` is what an effect with a history
+// keeps of it.
+template <class Effect>
+void evaluate_element(const typename Effect::template Rest<double>& rest, const double* memory,
+                      const Vec3<double> (&u)[Effect::arity],
+                      const Vec3<double> (&d)[Effect::arity],
+                      Evaluation<double, Effect::rows, Effect::arity>& out) {
+  if constexpr (memory_of < Effect >> 0) {
+    Effect::evaluate(rest, memory, u, d, out);
+  } else {
+    Effect::evaluate(rest, u, d, out);
+  }
+}
+
+// What the elements of all effects with a history among `effects` remember in a state, effect after
+// effect; none of a solver that keeps no history, as quasi-static ones do. What else a solver
+// remembers, as of nodes within edges, stands before it.
+template <class Slots>
+std::optional<std::span<const double>> memory_of_elements(const Slots& effects,
+                                                          const State& state) {
+  std::size_t remembered = 0;
+  for_each_slot<EffectKind::element>(effects, [&]<class Effect>(const auto& effect) {
+    remembered += effect.vertices.size() * memory_of<Effect>;
+  });
+  if (state.memory.size() < remembered) return std::nullopt;
+  return std::span<const double>(state.memory).last(remembered);
+}
+
 // The force of one element, N, with the material's full damping: an explicit solver may lower it.
 template <class Effect>
 void element_force(typename Effect::template Rest<double> rest, const double* memory,
@@ -30,11 +59,7 @@ void element_force(typename Effect::template Rest<double> rest, const double* me
                    Vec3<double> (&force)[Effect::arity]) {
   if constexpr (requires { rest.number; }) rest.number = 0.0;
   Evaluation<double, Effect::rows, Effect::arity> c;
-  if constexpr (memory_of < Effect >> 0) {
-    Effect::evaluate(rest, memory, u, d, c);
-  } else {
-    Effect::evaluate(rest, u, d, c);
-  }
+  evaluate_element<Effect>(rest, memory, u, d, c);
   if constexpr (is_constraint<Effect>) {
     const double mobility[Effect::arity] = {};  // of no concern to a force
     impulses_of<Arithmetic::force>(c, mobility, 1.0, 1.0, static_cast<double*>(nullptr), force);

@@ -62,27 +62,18 @@ EnergyWatch::EnergyWatch(const Model& model, const Scene& scene, Method method)
 
 double EnergyWatch::stored(const State& now) const {
   double sum = 0.0;
-  std::span<const double> memory = now.memory;
-  std::size_t remembered = 0;
-  for_each_slot<EffectKind::element>(on_, [&]<class Effect>(const auto& effect) {
-    remembered += effect.vertices.size() * memory_of<Effect>;
-  });
-  const bool has_memory = memory.size() >= remembered;
-  if (has_memory) memory = memory.last(remembered);
+  const auto remembered = memory_of_elements(on_, now);
+  auto memory = remembered.value_or(std::span<const double>());
   for_each_slot<EffectKind::element>(on_, [&]<class Effect>(const auto& effect) {
     if constexpr (stores_apart<Effect>) {
-      if (memory_of < Effect >> 0 && !has_memory) return;
+      if (memory_of < Effect >> 0 && !remembered) return;
       constexpr int arity = Effect::arity;
       for (std::size_t e = 0; e < effect.vertices.size(); ++e) {
         Vec3<double> u[arity];
         const Vec3<double> none[arity] = {};
         for (int i = 0; i < arity; ++i) u[i] = now.u[effect.vertices[e][i]];
         Evaluation<double, Effect::rows, arity> c;
-        if constexpr (memory_of < Effect >> 0) {
-          Effect::evaluate(effect.rest[e], memory.data() + e * memory_of<Effect>, u, none, c);
-        } else {
-          Effect::evaluate(effect.rest[e], u, none, c);
-        }
+        evaluate_element<Effect>(effect.rest[e], memory.data() + e * memory_of<Effect>, u, none, c);
         for (int row = 0; row < Effect::rows; ++row) {
           sum += 0.5 * c.stiffness[row] * c.value[row] * c.value[row];
         }

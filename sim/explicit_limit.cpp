@@ -5,6 +5,7 @@
 #include <random>
 
 #include "sim/elasticity.hpp"
+#include "sim/element_forces.hpp"
 #include "sim/parallel.hpp"
 #include "sim/stability.hpp"
 
@@ -93,71 +94,44 @@ std::vector<double> bounds(const Model& model, const Scene& scene, const State& 
   return squared;
 }
 
-using Field = std::vector<Vec3<double>>;
+// Adds the elastic forces of an effect at u + step d, times `weight`, N. What a branch remembers is
+// that of this state.
+template <class Effect>
+void add_elastic(const Prepared<Effect, double>& effect, const State& state, const VertexField& d,
+                 double step, double weight, VertexField& forces) {
+  constexpr int arity = Effect::arity;
+  for (std::size_t e = 0; e < effect.rest.size(); ++e) {
+    Vec3<double> u[arity], moved[arity], force[arity];
+    for (int i = 0; i < arity; ++i) {
+      u[i] = state.u[effect.vertices[e][i]];
+      moved[i] = step * d[effect.vertices[e][i]];
+    }
+    double memory[std::max(1, memory_of<Effect>)] = {};
+    if constexpr (memory_of < Effect >> 0) Effect::remember(effect.rest[e], u, memory);
+    element_force<Effect>(effect.rest[e], memory, u, moved, force);
+    for (int i = 0; i < arity; ++i) forces[effect.vertices[e][i]] += weight * force[i];
+  }
+}
 
 template <class Effect>
-struct Forces {};
-
-// The elastic forces of one effect around a state, N.
-template <Elastic Effect>
-class Forces<Effect> {
- public:
-  Forces(const Model& model, const typename Effect::Params& params) {
-    const auto& elements = Effect::elements(model, params);
-    for (std::size_t e = 0; e < elements.size(); ++e) {
-      std::array<int, Effect::arity> corners;
-      for (int i = 0; i < Effect::arity; ++i) corners[i] = elements[e][i];
-      corners_.push_back(corners);
-      // Steps longer than any relaxation: what a branch remembers is where it is.
-      rest_.push_back(Effect::template rest<double>(model, elements, e, params, HUGE_VAL));
-    }
-  }
-  // Adds those at u + d, times `weight`.
-  void add(const State& state, const Field& d, double step, double weight, Field& forces) const {
-    for (std::size_t e = 0; e < rest_.size(); ++e) {
-      Vec3<double> u[Effect::arity], moved[Effect::arity];
-      for (int i = 0; i < Effect::arity; ++i) {
-        u[i] = state.u[corners_[e][i]];
-        moved[i] = step * d[corners_[e][i]];
-      }
-      Evaluation<double, Effect::rows, Effect::arity> c;
-      if constexpr (memory_of < Effect >> 0) {
-        double memory[memory_of<Effect>] = {};
-        Effect::remember(rest_[e], u, memory);
-        Effect::evaluate(rest_[e], memory, u, moved, c);
-      } else {
-        Effect::evaluate(rest_[e], u, moved, c);
-      }
-      for (int i = 0; i < Effect::arity; ++i) {
-        Vec3<double> force = c.preload[i];
-        for (int row = 0; row < Effect::rows; ++row) {
-          force += -(c.stiffness[row] * c.remainder[row]) * c.gradient[row][i];
-        }
-        forces[corners_[e][i]] += weight * force;
-      }
-    }
-  }
-
- private:
-  std::vector<std::array<int, Effect::arity>> corners_;
-  std::vector<typename Effect::template Rest<double>> rest_;
-};
+using Slot = Prepared<Effect, double>;
 
 // The largest eigenvalue of the tangent over the lumped masses, 1/s2. Begins at random around the
 // tets whose bounds are largest, where the fastest mode is.
 double fastest_mode(const Model& model, const Scene& scene, const State& state,
                     const std::vector<double>& bounds) {
-  Effects::Slots<Forces> forces;
+  Effects::Slots<Slot> forces;
+  // Steps longer than any relaxation: what a branch remembers is where it is.
   Effects::for_each([&]<class Effect, std::size_t i>() {
     if constexpr (Elastic<Effect>) {
       for (const auto& params : std::get<i>(scene.effects)) {
-        std::get<i>(forces).emplace_back(model, params);
+        std::get<i>(forces).emplace_back(model, params, HUGE_VAL);
       }
     }
   });
   const double largest = *std::ranges::max_element(bounds);
   const double step = 1e-7 * model.size();
-  Field way(model.vertex_count());
+  VertexField way(model.vertex_count());
   std::mt19937 random(1);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
@@ -175,12 +149,12 @@ double fastest_mode(const Model& model, const Scene& scene, const State& state,
     }
     if (!(longest > 0.0) || !std::isfinite(longest)) break;
     for (auto& w : way) w = (1.0 / longest) * w;
-    Field change(way.size());
+    VertexField change(way.size());
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Elastic<Effect>) {
         for (const auto& effect : std::get<i>(forces)) {
-          effect.add(state, way, step, -0.5 / step, change);
-          effect.add(state, way, -step, 0.5 / step, change);
+          add_elastic<Effect>(effect, state, way, step, -0.5 / step, change);
+          add_elastic<Effect>(effect, state, way, -step, 0.5 / step, change);
         }
       }
     });
