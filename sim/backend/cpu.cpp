@@ -9,8 +9,8 @@
 
 #include "sim/backend/cpu_regions.hpp"
 #include "sim/backend/cpu_self_contact.hpp"
+#include "sim/backend/cpu_volume_bound.hpp"
 #include "sim/backend/pace.hpp"
-#include "sim/solvers/volume_bound.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -60,8 +60,7 @@ class CpuSolver final : public Solver {
         constants_(SweepConstants<T>::of(options)),
         team_(thread_count(options.threads, model)),
         paced_(options.threads == 0 && team_.most() > 1),
-        bounded_(options.method == Method::xpbd ? BoundedTets<T>(model, scene) : BoundedTets<T>()),
-        found_(team_.most()),
+        volume_bound_({model, scene, options.method}, team_.most()),
         n_(layout_.vertices),
         u_(n_),
         d_(n_),
@@ -105,7 +104,7 @@ class CpuSolver final : public Solver {
     for (int i = 0; i < n_; ++i) u_[i].v = cast<T>(state.u[i]);
     v_ = cast_all<T>(state.v);
     step_ = state.step;
-    bounds_ = !bounded_.has_inverted(state);
+    volume_bound_.begin_at(state);
     load_memory(own_, state);
     if (copies_) copies_->load(state);
   }
@@ -168,7 +167,7 @@ class CpuSolver final : public Solver {
     for (int substep = 0; substep < count; ++substep) {
       const Step<T> step = program_.step(step_ + substep);
       const int of_frame = static_cast<int>((step_ + substep) % program_.substeps);
-      if (of_frame % VolumeBound::scan_every == 0) watch_volumes(rank, false);
+      volume_bound_.begin_substep(team_, rank, of_frame, u_, d_);
       begin(mine);
       damp(rank, mine, lap);
       apply_forces(mine);
@@ -188,7 +187,7 @@ class CpuSolver final : public Solver {
         lap.took(effect);
       });
       rub_contacts(mine, step);
-      bound_volumes(rank, of_frame + 1 == program_.substeps);
+      volume_bound_.apply(team_, rank, of_frame + 1 == program_.substeps, u_, d_);
       stop_contacts(mine, step);
       end(mine);
       lap.took(step_part);
@@ -377,75 +376,6 @@ class CpuSolver final : public Solver {
     });
   }
 
-  // Lists the tets that are near the bound on compression (solvers/volume_bound.hpp): by where the
-  // substep begins, or with `moved` by where it has led to.
-  void watch_volumes(int rank, bool moved) {
-    if (bounded_.vertices.empty()) return;
-    team_.barrier();
-    const Range tets = part_of({0, static_cast<int>(bounded_.vertices.size())}, rank, team_.size());
-    auto& found = found_[rank];
-    found.clear();
-    for (int t = tets.begin; t < tets.end; ++t) {
-      const MovingTet<T> tet = moving_tet(t);
-      const T strain = moved ? tet.strain_after() : tet.strain_before();
-      if (strain < T(VolumeBound::watched - 1.0)) found.push_back(t);
-    }
-    team_.barrier();
-    if (rank == 0) {
-      watched_.clear();
-      for (int r = 0; r < team_.size(); ++r) {
-        watched_.insert(watched_.end(), found_[r].begin(), found_[r].end());
-      }
-    }
-    team_.barrier();
-  }
-
-  // One thread: the list is short, and the result depends on its order.
-  void bound_volumes(int rank, bool last_of_frame) {
-    if (bounded_.vertices.empty()) return;
-    if (last_of_frame) watch_volumes(rank, true);
-    if (watched_.empty() && !last_of_frame) return;
-    team_.barrier();
-    if (rank == 0) {
-      if (bounds_) {
-        repeat_over_watched(VolumeBound::pushes, [](MovingTet<T>& tet) { return tet.push(); });
-        repeat_over_watched(VolumeBound::halts, [](MovingTet<T>& tet) { return tet.halt(); });
-      }
-      if (last_of_frame) {
-        bounds_ = VolumeBound::goes_on(bounds_, watched_.size(), bounded_.vertices.size());
-      }
-    }
-    team_.barrier();
-  }
-  // Until correct(tet) would change none, at most so many times. Which tets a pass is for is found
-  // first, as on a device, where they are tested side by side.
-  template <class Correct>
-  void repeat_over_watched(int at_most, Correct&& correct) {
-    for (int pass = 0; pass < at_most; ++pass) {
-      wrong_.clear();
-      for (const int t : watched_) {
-        MovingTet<T> tet = moving_tet(t);
-        if (correct(tet)) wrong_.push_back(t);
-      }
-      if (wrong_.empty()) return;
-      for (const int t : wrong_) {
-        MovingTet<T> tet = moving_tet(t);
-        if (!correct(tet)) continue;
-        for (int i = 0; i < 4; ++i) d_[bounded_.vertices[t][i]].v = tet.d[i];
-      }
-    }
-  }
-  MovingTet<T> moving_tet(int t) const {
-    MovingTet<T> tet{.rest_inverse = bounded_.rest_inverse[t]};
-    for (int i = 0; i < 4; ++i) {
-      const int v = bounded_.vertices[t][i];
-      tet.u[i] = u_[v].v;
-      tet.d[i] = d_[v].v;
-      tet.w[i] = d_[v].w;
-    }
-    return tet;
-  }
-
   // function.operator()<Effect>(device, correction) for every contact effect that is on.
   template <class Function>
   void for_each_contact(Function&& function) {
@@ -477,11 +407,7 @@ class CpuSolver final : public Solver {
   Team team_;
   Pace pace_;
   bool paced_;  // threads are ours to choose
-  BoundedTets<T> bounded_;
-  std::vector<std::vector<int>> found_;  // [threads] near the bound, of each thread's part
-  std::vector<int> watched_;             // all of them, in order
-  std::vector<int> wrong_;               // those of them that a pass corrects
-  bool bounds_ = true;                   // whether the bound acts
+  CpuVolumeBound<T> volume_bound_;
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;

@@ -44,6 +44,7 @@
 
 #include "sim/effects/neo_hookean.hpp"
 #include "sim/scene.hpp"
+#include "sim/solvers/options.hpp"
 #include "sim/state.hpp"
 
 namespace viscera::sim {
@@ -54,11 +55,10 @@ struct VolumeBound {
   static constexpr double watched = 0.5;     // J below which a tet is on the list
   static constexpr double tolerance = 1e-5;  // of J, within which the bound counts as kept
   static constexpr double opening = 0.1;     // of J, at most in a substep
-  static constexpr double reach =
-      0.1;  // share of a tet's size that one push moves a vertex at most
+  static constexpr double reach = 0.1;       // of a tet's size: of a vertex, in one push, at most
   static constexpr int pushes = 4, halts = 32;
-  static constexpr int scan_every = 4;  // substeps
-  static constexpr double crushed = 0.05;
+  static constexpr int scan_every = 4;     // substeps
+  static constexpr double crushed = 0.05;  // share of the tets
 
   // Whether the scene has a law of elasticity whose tets could turn inside out.
   static bool is_needed(const Scene& scene) {
@@ -141,15 +141,15 @@ struct MovingTet {
   }
 };
 
-// The tets that the bound is for, with what it needs of them; none where a scene has no such law.
+// The tets that the bound is for, with what it needs of them; none where a scene has no such law or
+// the method no bound.
 template <class T>
 struct BoundedTets {
   std::vector<Tet> vertices;
   std::vector<Mat3<T>> rest_inverse;  // 1/m
 
-  BoundedTets() = default;
-  BoundedTets(const Model& model, const Scene& scene) {
-    if (!VolumeBound::is_needed(scene)) return;
+  BoundedTets(const Model& model, const Scene& scene, Method method) {
+    if (method != Method::xpbd || !VolumeBound::is_needed(scene)) return;
     vertices = model.tets;
     for (const auto& b : model.rest_inverse) rest_inverse.push_back(cast<T>(b));
   }

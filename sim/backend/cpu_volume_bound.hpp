@@ -1,0 +1,109 @@
+// The bound on compression (solvers/volume_bound.hpp) on the CPU. The tets that are near it are
+// looked for side by side and corrected by one thread, in their order: the list is short, the
+// result depends on the order, and any number of threads gives the same bits.
+#pragma once
+
+#include <vector>
+
+#include "sim/backend/team.hpp"
+#include "sim/range.hpp"
+#include "sim/row.hpp"
+#include "sim/solvers/volume_bound.hpp"
+
+namespace viscera::sim {
+
+template <class T>
+class CpuVolumeBound {
+ public:
+  using Rows = std::vector<Row<T>>;  // u in m; d in m, and beside it dt^2 / m, s2/kg
+
+  CpuVolumeBound(BoundedTets<T> tets, int threads) : tets_(std::move(tets)), found_(threads) {}
+
+  // Whether the bound acts from this state on.
+  void begin_at(const State& state) { acts_ = !tets_.has_inverted(state); }
+
+  // By all of the team, before anything else of a substep, the n-th of its frame.
+  void begin_substep(Team& team, int rank, int n, const Rows& u, const Rows& d) {
+    if (n % VolumeBound::scan_every == 0) watch(team, rank, false, u, d);
+  }
+
+  // By all of the team, after friction.
+  void apply(Team& team, int rank, bool last_of_frame, const Rows& u, Rows& d) {
+    if (tets_.vertices.empty()) return;
+    if (last_of_frame) watch(team, rank, true, u, d);
+    if (watched_.empty() && !last_of_frame) return;
+    team.barrier();
+    if (rank == 0) {
+      if (acts_) {
+        repeat_over_watched(VolumeBound::pushes, u, d, [](auto& tet) { return tet.push(); });
+        repeat_over_watched(VolumeBound::halts, u, d, [](auto& tet) { return tet.halt(); });
+      }
+      if (last_of_frame) {
+        acts_ = VolumeBound::goes_on(acts_, watched_.size(), tets_.vertices.size());
+      }
+    }
+    team.barrier();
+  }
+
+ private:
+  // Lists the tets that are near the bound by where the substep begins, or with `moved` by where it
+  // has led to.
+  void watch(Team& team, int rank, bool moved, const Rows& u, const Rows& d) {
+    if (tets_.vertices.empty()) return;
+    team.barrier();
+    const Range mine = part_of({0, static_cast<int>(tets_.vertices.size())}, rank, team.size());
+    auto& found = found_[rank];
+    found.clear();
+    for (int t = mine.begin; t < mine.end; ++t) {
+      const MovingTet<T> tet = moving_tet(t, u, d);
+      const T strain = moved ? tet.strain_after() : tet.strain_before();
+      if (strain < T(VolumeBound::watched - 1.0)) found.push_back(t);
+    }
+    team.barrier();
+    if (rank == 0) {
+      watched_.clear();
+      for (int r = 0; r < team.size(); ++r) {
+        watched_.insert(watched_.end(), found_[r].begin(), found_[r].end());
+      }
+    }
+    team.barrier();
+  }
+
+  // Until correct(tet) would change none, at most so many times. Which tets a pass is for is found
+  // first, as on a device, where they are tested side by side.
+  template <class Correct>
+  void repeat_over_watched(int at_most, const Rows& u, Rows& d, Correct&& correct) {
+    for (int pass = 0; pass < at_most; ++pass) {
+      wrong_.clear();
+      for (const int t : watched_) {
+        MovingTet<T> tet = moving_tet(t, u, d);
+        if (correct(tet)) wrong_.push_back(t);
+      }
+      if (wrong_.empty()) return;
+      for (const int t : wrong_) {
+        MovingTet<T> tet = moving_tet(t, u, d);
+        if (!correct(tet)) continue;
+        for (int i = 0; i < 4; ++i) d[tets_.vertices[t][i]].v = tet.d[i];
+      }
+    }
+  }
+
+  MovingTet<T> moving_tet(int t, const Rows& u, const Rows& d) const {
+    MovingTet<T> tet{.rest_inverse = tets_.rest_inverse[t]};
+    for (int i = 0; i < 4; ++i) {
+      const int v = tets_.vertices[t][i];
+      tet.u[i] = u[v].v;
+      tet.d[i] = d[v].v;
+      tet.w[i] = d[v].w;
+    }
+    return tet;
+  }
+
+  BoundedTets<T> tets_;
+  std::vector<std::vector<int>> found_;  // [threads] near the bound, of each thread's part
+  std::vector<int> watched_;             // all of them, in order
+  std::vector<int> wrong_;               // those of them that a pass corrects
+  bool acts_ = true;
+};
+
+}  // namespace viscera::sim

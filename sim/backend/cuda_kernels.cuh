@@ -1,0 +1,157 @@
+// The kernels of a substep colour by colour (cuda.cu): one thread for each vertex, element or
+// vertex that is led. What they do with it is in solvers/arithmetic.hpp and the effects.
+#pragma once
+
+#include <array>
+
+#include "sim/solvers/program.hpp"
+
+namespace viscera::sim {
+
+inline constexpr int block_size = 256;
+
+__device__ inline int global_thread() {
+  return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+}
+
+template <class T>
+__global__ void begin(int n, const T* w, const Vec3<T>* v, Vec3<T>* d, T dt) {
+  const int i = global_thread();
+  if (i < n) d[i] = begin_vertex(w[i], v[i], dt);
+}
+
+template <class Effect, class T>
+__global__ void apply_force(int n, typename Effect::template Device<T> device, const T* w,
+                            const Vec3<T>* rest, const Vec3<T>* u, const Vec3<T>* v, Vec3<T>* d,
+                            T dt) {
+  const int i = global_thread();
+  if (i < n && w[i] > T(0)) d[i] += (dt * dt) * Effect::acceleration(device, rest[i], u[i], v[i]);
+}
+
+// What elements read and write. With `impulses` the results go there, [elements][arity], and d
+// stays as it is.
+template <class Effect, class T>
+struct ElementView {
+  const std::array<int, Effect::arity>* vertices;
+  const typename Effect::template Rest<T>* rest;
+  T* multipliers;  // [elements][rows], where a substep has several iterations
+  T* memory;       // [elements][memory_of<Effect>]
+  Vec3<T>* impulses;
+};
+
+// The numbers of one element, in registers while it is solved.
+template <int count, class T, class Work>
+__device__ void with_kept(T* kept, int element, const Work& work) {
+  if constexpr (count == 0) {
+    work(static_cast<T*>(nullptr));
+  } else {
+    T values[count];
+    for (int k = 0; k < count; ++k) values[k] = kept[count * element + k];
+    work(values);
+    for (int k = 0; k < count; ++k) kept[count * element + k] = values[k];
+  }
+}
+
+template <class Effect, Arithmetic arithmetic, class T>
+__global__ void solve_elements(int first, int last, ElementView<Effect, T> own, const T* w,
+                               const Vec3<T>* u, Vec3<T>* d, SweepConstants<T> constants, T dt) {
+  const int e = first + global_thread();
+  if (e >= last) return;
+  constexpr int arity = Effect::arity;
+  Vec3<T> local_u[arity], local_d[arity], p[arity];
+  T mobility[arity];
+  for (int i = 0; i < arity; ++i) {
+    const int v = own.vertices[e][i];
+    local_u[i] = u[v];
+    local_d[i] = d[v];
+    mobility[i] = w[v] * (dt * dt);
+  }
+  constexpr bool iterates =
+      arithmetic == Arithmetic::xpbd_first || arithmetic == Arithmetic::xpbd_next;
+  with_kept<iterates ? Effect::rows : 0>(own.multipliers, e, [&](T* multipliers) {
+    with_kept<memory_of<Effect>>(own.memory, e, [&](T* memory) {
+      element_impulses<Effect, arithmetic>(own.rest[e], mobility, constants, local_u, local_d,
+                                           multipliers, memory, p);
+    });
+  });
+  for (int i = 0; i < arity; ++i) {
+    if (own.impulses) {
+      own.impulses[arity * e + i] = p[i];
+    } else {
+      d[own.vertices[e][i]] = local_d[i] + mobility[i] * p[i];
+    }
+  }
+}
+
+template <class T>
+__global__ void gather_impulses(int n, const int* begin, const int* slots, const Vec3<T>* impulses,
+                                const T* w, T dt, Vec3<T>* d) {
+  const int i = global_thread();
+  if (i >= n) return;
+  Vec3<T> sum;
+  for (int k = begin[i]; k < begin[i + 1]; ++k) sum += impulses[slots[k]];
+  d[i] += (w[i] * (dt * dt)) * sum;
+}
+
+// The substep that follows `done` ones. One graph is launched again and again: the count is on the
+// device, and the last kernel of a substep raises it.
+template <class T>
+__device__ Step<T> step_after(const unsigned long long* done, double dt) {
+  return {static_cast<T>(dt), static_cast<double>(*done + 1) * dt};
+}
+
+template <class Effect, class T>
+__global__ void move(int count, const int* vertices, typename Effect::template Device<T> device,
+                     const Vec3<T>* rest, const Vec3<T>* u, Vec3<T>* d,
+                     const unsigned long long* done, double dt) {
+  const int k = global_thread();
+  if (k >= count) return;
+  const int i = vertices[k];
+  d[i] = Effect::target(device, rest[i], static_cast<T>(step_after<T>(done, dt).time)) - u[i];
+}
+
+// How far the vertices that are led go by their velocity.
+template <class T>
+__global__ void go_on(int count, const int* vertices, const Vec3<T>* v, Vec3<T>* d, T dt) {
+  const int k = global_thread();
+  if (k < count) d[vertices[k]] = dt * v[vertices[k]];
+}
+
+template <class Effect, class T>
+__global__ void push(int n, typename Effect::template Device<T> device, const T* w,
+                     const Vec3<T>* rest, const Vec3<T>* u, Vec3<T>* d, Vec3<T>* correction,
+                     const unsigned long long* done, double dt) {
+  const int i = global_thread();
+  if (i >= n) return;
+  correction[i] =
+      w[i] > T(0) ? Effect::push(device, step_after<T>(done, dt), rest[i], u[i], d[i]) : Vec3<T>{};
+  d[i] += correction[i];
+}
+
+template <class Effect, class T>
+__global__ void rub(int n, typename Effect::template Device<T> device, const Vec3<T>* correction,
+                    const Vec3<T>* v, Vec3<T>* d, const unsigned long long* done, double dt) {
+  const int i = global_thread();
+  if (i >= n) return;
+  if (touches(correction[i]))
+    Effect::rub(device, step_after<T>(done, dt), correction[i], v[i], d[i]);
+}
+
+template <class Effect, class T>
+__global__ void stop(int n, typename Effect::template Device<T> device, const T* w,
+                     const Vec3<T>* rest, const Vec3<T>* u, Vec3<T>* d,
+                     const unsigned long long* done, double dt) {
+  const int i = global_thread();
+  if (i >= n || !(w[i] > T(0))) return;
+  d[i] += Effect::stop(device, step_after<T>(done, dt), rest[i], u[i], d[i]);
+}
+
+template <class T>
+__global__ void end(int n, const Vec3<T>* d, T dt, Vec3<T>* u, Vec3<T>* v,
+                    unsigned long long* done) {
+  const int i = global_thread();
+  if (i < n) end_vertex(d[i], dt, u[i], v[i]);
+  if (i == 0) ++*done;
+}
+
+}  // namespace viscera::sim
