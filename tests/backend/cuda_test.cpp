@@ -16,6 +16,7 @@
 #include "stages/simulate/scene_file.hpp"
 #include "tests/backend/host_blocks.hpp"
 #include "tests/sim/flap.hpp"
+#include "tests/sim/loaded_bodies.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -199,58 +200,20 @@ TEST_F(Cuda, AHeldBarSagsAsOnTheCpu) {
 
 // In blocks a device does not bound compression yet.
 TEST_F(Cuda, APressedBodyHasNoTetInsideOut) {
-  Material soft = soft_tissue;
-  soft.youngs_modulus = 1e3;
-  const Model model = make_cube(6, soft);
-  Scene scene = drop_scene();
-  scene.params<Ground>()[0].clearance = 0.0;
-  auto& tool = scene.params<Collider<Sphere>>().emplace_back();
-  tool.center = {0.025, 0.025, 0.067};
-  tool.radius = 0.015;
-  tool.velocity = {0.0, 0.0, -0.25};
-  tool.stop = 0.188;
   for (const Precision precision : {Precision::fp64, Precision::fp32}) {
-    const auto solver = make_on_cuda(model, scene, SolverOptions{.precision = precision});
-    double min_j = 1.0;
-    for (int frame = 0; frame < 24; ++frame) {
-      solver->advance_frame();
-      const Diagnostics now = diagnose(model, scene, solver->state());
-      ASSERT_EQ(now.inverted, 0u) << "frame " << frame;
-      min_j = std::min(min_j, now.min_j);
-    }
-    EXPECT_LT(min_j, 0.5) << "nothing was pressed";
+    expect_no_tet_inside_out_when_pressed([&](const Model& model, const Scene& scene) {
+      return make_on_cuda(model, scene, SolverOptions{.precision = precision});
+    });
   }
 }
 
 TEST_F(Cuda, DampingDoesNotMoveThePlaceOfRest) {
-  const auto rest_with = [](double damping, const SolverOptions& options) {
-    Material material = soft_tissue;
-    material.damping = damping;
-    const Model model = make_box({0.06, 0.03, 0.03}, {6, 3, 3}, material);
-    Scene scene = elastic_scene();
-    scene.params<Viscosity>().emplace_back();
-    scene.params<Gravity>().emplace_back();
-    Fixed::Params held;
-    held.side = "right";
-    scene.params<Fixed>().push_back(held);
-    scene.time.substeps = 32;
-    const auto solver = make_on_cuda(model, scene, options);
-    for (int frame = 0; frame < 600; ++frame) {
-      solver->advance_frame();
-      if (frame < 400) continue;
-      State slower = solver->state();  // damps what the damping does not
-      for (auto& v : slower.v) v *= 0.5;
-      solver->set_state(slower);
-    }
-    return solver->state();
-  };
+  const HeldBar bar{.cells = {6, 3, 3}, .substeps = 32, .swinging = 400, .frames = 600};
   for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
     const SolverOptions options{.scheme = scheme, .precision = Precision::fp64, .block_tets = 100};
-    const State little = rest_with(0.005, options), much = rest_with(0.06, options);
-    double size = 0.0;
-    for (const auto& u : little.u) size = std::max(size, norm(u));
-    EXPECT_GT(size, 1e-3);
-    EXPECT_LE(largest_difference(little, much), 1e-4 * size);
+    expect_same_rest_at_any_damping(bar, [&](const Model& model, const Scene& scene) {
+      return make_on_cuda(model, scene, options);
+    });
   }
 }
 

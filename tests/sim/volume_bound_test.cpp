@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/shapes.hpp"
+#include "tests/sim/loaded_bodies.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -93,38 +93,15 @@ TEST(VolumeBound, ATetThatBeginsInsideOutIsNotThrownOpen) {
   EXPECT_LE(1.0 + tet.strain_after(), -1.0 + VolumeBound::opening + 1e-9);
 }
 
-// A cube of soft tissue that a ball presses into the ground: without the bound two of its tets are
-// inside out at the end of frames.
-Scene pressed(double speed) {
-  Scene scene = drop_scene();
-  scene.params<Ground>()[0].clearance = 0.0;
-  auto& tool = scene.params<Collider<Sphere>>().emplace_back();
-  tool.center = {0.025, 0.025, 0.067};
-  tool.radius = 0.015;
-  tool.velocity = {0.0, 0.0, -speed};
-  tool.stop = 0.047 / speed;
-  return scene;
-}
-
 const SolverOptions pressed_by[] = {{.threads = 2},
                                     {.scheme = Scheme::block_gauss_seidel, .block_tets = 200},
                                     {.precision = Precision::fp64}};
 class PressedBody : public testing::TestWithParam<int> {};
 
 TEST_P(PressedBody, HasNoTetInsideOutAtTheEndOfAnyFrame) {
-  Material soft = soft_tissue;
-  soft.youngs_modulus = 1e3;
-  const Model model = make_cube(6, soft);
-  const Scene scene = pressed(0.25);
-  const auto solver = make_on_cpu(model, scene, pressed_by[GetParam()]);
-  double min_j = 1.0;
-  for (int frame = 0; frame < 24; ++frame) {
-    solver->advance_frame();
-    const Diagnostics now = diagnose(model, scene, solver->state());
-    ASSERT_EQ(now.inverted, 0u) << "frame " << frame;
-    min_j = std::min(min_j, now.min_j);
-  }
-  EXPECT_LT(min_j, VolumeBound::watched) << "nothing was pressed";
+  expect_no_tet_inside_out_when_pressed([](const Model& model, const Scene& scene) {
+    return make_on_cpu(model, scene, pressed_by[GetParam()]);
+  });
 }
 
 INSTANTIATE_TEST_SUITE_P(Each, PressedBody, testing::Range(0, 3));
@@ -134,43 +111,16 @@ TEST(VolumeBound, ABodyWithoutAnElasticLawHasNone) {
   EXPECT_TRUE(VolumeBound::is_needed(elastic_scene()));
 }
 
-// Damping is a force of motion: it changes when a body rests, not where. Before, a held body rested
-// off by a share of damping times substep: 2 % at 60 ms and 64 substeps.
 TEST(Viscosity, DoesNotMoveThePlaceOfRest) {
-  const auto rest_with = [](double damping, SolverOptions options) {
-    Material material = soft_tissue;
-    material.damping = damping;
-    const Model model = make_box({0.06, 0.03, 0.03}, {4, 2, 2}, material);
-    Scene scene = elastic_scene();
-    scene.params<Viscosity>().emplace_back();
-    scene.params<Gravity>().emplace_back();
-    Fixed::Params held;
-    held.side = "right";
-    scene.params<Fixed>().push_back(held);
-    scene.time.substeps = 16;
-    options.precision = Precision::fp64;
-    const auto solver = make_on_cpu(model, scene, options);
-    for (int frame = 0; frame < 260; ++frame) {
-      solver->advance_frame();
-      if (frame < 100) continue;
-      State slower = solver->state();  // damps what the damping does not
-      for (auto& v : slower.v) v *= 0.5;
-      solver->set_state(slower);
-    }
-    return solver->state();
-  };
-  for (const SolverOptions& options :
+  const HeldBar bar{.cells = {4, 2, 2}, .substeps = 16, .swinging = 100, .frames = 260};
+  for (SolverOptions options :
        {SolverOptions{}, SolverOptions{.scheme = Scheme::block_gauss_seidel, .block_tets = 100},
         SolverOptions{.scheme = Scheme::jacobi, .split = 4.0},
         SolverOptions{.method = Method::tled}}) {
-    const State little = rest_with(0.005, options), much = rest_with(0.06, options);
-    double difference = 0.0, size = 0.0;
-    for (std::size_t i = 0; i < little.u.size(); ++i) {
-      difference = std::max(difference, norm(much.u[i] - little.u[i]));
-      size = std::max(size, norm(little.u[i]));
-    }
-    EXPECT_GT(size, 1e-3);
-    EXPECT_LE(difference, 1e-4 * size);
+    options.precision = Precision::fp64;
+    expect_same_rest_at_any_damping(bar, [&](const Model& model, const Scene& scene) {
+      return make_on_cpu(model, scene, options);
+    });
   }
 }
 
