@@ -94,6 +94,19 @@ void report_shape(StageRun& run, const sim::Model& model, const Outcome& outcome
   run.metric("inverted_max_deformation", frame->now.inverted);
 }
 
+// The tets with the smallest J of a state, as pairs of J and number, the smallest first.
+std::vector<std::pair<double, std::size_t>> smallest_j(const sim::Model& model,
+                                                       const sim::State& state, std::size_t most) {
+  std::vector<std::pair<double, std::size_t>> tets;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    tets.emplace_back(1.0 + sim::NeoHookean::volume_strain(sim::gradient_of(model, state, t)), t);
+  }
+  const auto shown = std::min(most, tets.size());
+  std::ranges::partial_sort(tets, tets.begin() + static_cast<std::ptrdiff_t>(shown));
+  tets.resize(shown);
+  return tets;
+}
+
 // Tets that are inside out: how many at the end, since when and where, and in how many frames.
 void report_inverted(StageRun& run, const sim::Model& model, const Outcome& outcome) {
   const auto& frames = outcome.frames;
@@ -106,16 +119,10 @@ void report_inverted(StageRun& run, const sim::Model& model, const Outcome& outc
   run.metric("inverted_end", at_end);
   run.metric("inverted_frames", std::ranges::count_if(frames, is_inverted));
   run.metric("inverted_since", at_end > 0 ? Json(last_without.base()->time_s) : Json(), "s");
-  std::vector<std::pair<double, std::size_t>> tets;  // J, number
-  for (std::size_t t = 0; at_end > 0 && t < model.tet_count(); ++t) {
-    const double j = 1.0 + sim::NeoHookean::volume_strain(sim::gradient_of(model, outcome.last, t));
-    if (j <= 0.0) tets.emplace_back(j, t);
-  }
-  const auto shown = std::min(most_places, tets.size());
-  std::ranges::partial_sort(tets, tets.begin() + static_cast<std::ptrdiff_t>(shown));
   Json places = Json::array();
-  for (std::size_t k = 0; k < shown; ++k) {
-    const auto [j, tet] = tets[k];
+  if (at_end == 0) return run.metric("inverted_places", places, "mm");
+  for (const auto& [j, tet] : smallest_j(model, outcome.last, most_places)) {
+    if (j > 0.0) break;
     sim::Vec3<double> scanned, now;
     for (const int v : model.tets[tet]) {
       const sim::Vec3<double> at = model.origin + model.rest[v];
@@ -207,18 +214,9 @@ void apply_gates(StageRun& run, const SceneFile& file, const Outcome& outcome) {
 }
 
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome) {
-  std::vector<std::pair<double, std::size_t>> worst;
-  for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    sim::Vec3<double> u[4];
-    for (int i = 0; i < 4; ++i) u[i] = outcome.last.u[model.tets[t][i]];
-    const auto h = sim::displacement_gradient(u, model.rest_inverse[t]);
-    worst.emplace_back(1.0 + sim::NeoHookean::volume_strain(h), t);
-  }
-  const auto shown = std::min<std::size_t>(5, worst.size());
-  std::partial_sort(worst.begin(), worst.begin() + shown, worst.end());
   std::string tets;
-  for (std::size_t i = 0; i < shown; ++i) {
-    tets += fmt::format("{}{} (J {:.3g})", i ? ", " : "", worst[i].second, worst[i].first);
+  for (const auto& [j, tet] : smallest_j(model, outcome.last, 5)) {
+    tets += fmt::format("{}{} (J {:.3g})", tets.empty() ? "" : ", ", tet, j);
   }
   run.set_diverged(fmt::format(
       "diverged after frame {} (t {:.4f} s) with {}; tets with the smallest J there: {}\n"

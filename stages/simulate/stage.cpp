@@ -262,7 +262,7 @@ void simulate(StageRun& run) {
   }
   ExplicitWatch watch(model, file.scene);
   std::function<std::string(const sim::State&)> objects;
-  if (solver_options(run).method == sim::Method::tled) objects = std::ref(watch);
+  if (options.method == sim::Method::tled) objects = std::ref(watch);
   Outcome outcome = run_frames(
       *solver, model, file.scene, schedule,
       [&](const Frame& frame, const sim::State& state) {
@@ -271,8 +271,8 @@ void simulate(StageRun& run) {
         metrics.add(frame);
         resume.add(positions);
       },
-      [&](const Outcome& so_far) { resume.note(so_far); }, std::move(start),
-      solver_options(run).method, objects);
+      [&](const Outcome& so_far) { resume.note(so_far); }, std::move(start), options.method,
+      objects);
   if (objects && !outcome.divergence.empty() && !watch.objected()) {
     outcome.divergence += ", after " + watch.explain(outcome.last);
   }

@@ -261,12 +261,8 @@ MeshJob::Result MeshJob::build(double cell_size, const Mesh3Options& mesh3,
 }
 
 LabelLoss MeshJob::loss(const TetMesh& mesh, double cell_size) const {
-  const auto smoothed_away = [this](std::size_t v) {
-    const Frame& frame = image_->frame;
-    const std::size_t nx = frame.size[0], ny = frame.size[1];
-    return by_fields_ && fields_->at({static_cast<double>(v % nx) * frame.spacing[0],
-                                      static_cast<double>(v / nx % ny) * frame.spacing[1],
-                                      static_cast<double>(v / (nx * ny)) * frame.spacing[2]}) == 0;
+  const auto smoothed_away = [this](const std::array<double, 3>& place) {
+    return by_fields_ && fields_->at(place) == 0;
   };
   return find_label_loss(*image_, mesh, cell_size, smoothed_away);
 }

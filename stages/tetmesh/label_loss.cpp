@@ -60,7 +60,7 @@ std::vector<char> voxels_within(const Frame& frame, const TetMesh& mesh) {
 class Loss {
  public:
   Loss(const LabelImage& image, const TetMesh& mesh, double cell_size,
-       const std::function<bool(std::size_t)>& smoothed_away)
+       const SmoothedAway& smoothed_away)
       : image_(image),
         frame_(image.frame),
         beyond_(lost_beyond * cell_size),
@@ -81,7 +81,8 @@ class Loss {
       }
     if (loss.farthest <= beyond_) return loss;
     const auto width = widest_ways([](std::size_t) { return false; });
-    const auto meshable = widest_ways(smoothed_away_);
+    const auto meshable =
+        widest_ways([this](std::size_t v) { return smoothed_away_(middle_of(frame_, v)); });
     for (const auto& part : parts()) loss.parts.push_back(describe(part, width, meshable));
     std::stable_sort(loss.parts.begin(), loss.parts.end(),
                      [](const auto& a, const auto& b) { return a.depth > b.depth; });
@@ -219,7 +220,7 @@ class Loss {
   const LabelImage& image_;
   const Frame& frame_;
   double beyond_, near_ = 0.0, largest_radius_;  // mm
-  const std::function<bool(std::size_t)>& smoothed_away_;
+  const SmoothedAway& smoothed_away_;
   std::vector<char> within_;
   std::map<std::size_t, double> distance_;   // of the label's voxels outside the mesh from it
   std::map<std::size_t, double> clearance_;  // of those that were asked for
@@ -228,7 +229,7 @@ class Loss {
 }  // namespace
 
 LabelLoss find_label_loss(const LabelImage& image, const TetMesh& mesh, double cell_size,
-                          const std::function<bool(std::size_t)>& smoothed_away) {
+                          const SmoothedAway& smoothed_away) {
   return Loss(image, mesh, cell_size, smoothed_away).find();
 }
 

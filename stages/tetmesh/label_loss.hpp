@@ -9,6 +9,8 @@
 
 namespace viscera {
 
+using SmoothedAway = std::function<bool(const std::array<double, 3>&)>;
+
 struct LabelLoss {
   double farthest = 0.0;          // of the label's voxels from the mesh, by their middles
   std::array<double, 3> place{};  // of that voxel, LPS
@@ -20,8 +22,8 @@ struct LabelLoss {
 // outside. Its thickness is that of the narrowest place on the widest way from the mesh to within
 // half a cell of the farthest voxel: a ball of that diameter passes, from voxel to voxel; of a
 // strand askew in the grid it is down to half of its width. `smoothed_away` says whether the
-// smoothed label, which is what is meshed, lacks a voxel.
+// smoothed label, which is what is meshed, lacks a place, in voxel-mm.
 LabelLoss find_label_loss(const LabelImage& image, const TetMesh& mesh, double cell_size,
-                          const std::function<bool(std::size_t)>& smoothed_away);
+                          const SmoothedAway& smoothed_away);
 
 }  // namespace viscera
