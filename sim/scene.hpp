@@ -30,6 +30,10 @@ struct Scene {
   TimeGrid time;
   RestCriterion rest;
   StabilityPolicy stability = StabilityPolicy::substeps;
+  double accuracy_limit = 0.0;  // of XPBD's own error at rest, as a share; 0: none is asked for
+  // Not the scene's to give: over how long elements hold their forces, by the policy, s; 0: they do
+  // not (solvers/held_forces.hpp).
+  double force_hold_s = 0.0;
 
   template <class Effect>
   std::vector<typename Effect::Params>& params() {

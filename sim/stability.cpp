@@ -7,6 +7,7 @@
 #include <string>
 
 #include "sim/refusal.hpp"
+#include "sim/solvers/held_forces.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -74,6 +75,39 @@ void switch_form(const Model& model, Scene& scene) {
   }
 }
 
+// Effects that move vertices as one, and know of no force of an element.
+bool acts_on_regions(const Scene& scene) {
+  return scene.has<ShapeMatching>();
+}
+
+void keep_accuracy(const Model& model, Scene& scene) {
+  const double limit = scene.accuracy_limit;
+  if (!(limit > 0.0) || scene.stability == StabilityPolicy::warn) return;
+  const SweepError error = SweepError::of(model, scene);
+  if (error.bound <= limit) return;
+  const double hold_s = time_to_hold(model, scene, error.bound);
+  const double more = SweepError::more_substeps(error.number, limit);
+  const bool may_change = scene.stability != StabilityPolicy::refuse;
+  if (may_change && hold_s <= most_hold_s && !acts_on_regions(scene)) {
+    scene.force_hold_s = std::max({scene.force_hold_s, hold_s, scene.time.substep_s()});
+    return;
+  }
+  const double needed = std::ceil(scene.time.substeps * more);
+  if (may_change && more <= most_refinement) {
+    scene.time.substeps = static_cast<int>(needed);
+    return;
+  }
+  std::ostringstream found, allowed;
+  found << std::setprecision(3) << "an error at rest of up to " << 100.0 * error.bound
+        << " % by the solver alone";
+  allowed << std::setprecision(15) << needed << " substeps for " << 100.0 * limit << " %";
+  throw Refusal(Refusal::Cause::scene, "accuracy_limit", found.str(), allowed.str(),
+                may_change
+                    ? "raise time.substeps, give the tissue damping and the effect viscosity, "
+                      "so that its elements can hold their forces, or use solver fem"
+                    : "raise time.substeps, or use stability: substeps");
+}
+
 }  // namespace
 
 double squared_gradients(const Mat3<double>& rest_inverse) {
@@ -103,6 +137,11 @@ Stability assess(const Model& model, const Scene& scene, Method method) {
   }
   result.limit = cs;
   if (method == Method::fem) result.limit = {"none", 0.0, 1.0, 0};
+  if (method == Method::xpbd) {
+    const SweepError error = SweepError::of(model, scene);
+    result.sweep_number = error.number;
+    result.sweep_error = scene.force_hold_s > 0.0 ? 0.0 : error.bound;
+  }
   if (method == Method::tled) {
     result.limit = {"Courant", result.courant_max, courant_limit, result.courant_tet};
   }
@@ -115,6 +154,7 @@ Stability assess(const Model& model, const Scene& scene, Method method) {
 }
 
 Stability apply_policy(const Model& model, Scene& scene, Method method) {
+  if (method == Method::xpbd) keep_accuracy(model, scene);
   if (scene.stability == StabilityPolicy::form && method == Method::xpbd) switch_form(model, scene);
   const Stability first = assess(model, scene, method);
   const StabilityLimit& limit = first.limit;

@@ -32,7 +32,9 @@ namespace viscera::sim {
 
 inline constexpr double cs_limit = 0.6;
 inline constexpr double courant_limit = 0.9;
-inline constexpr int max_substeps = 1000000;  // per frame; more is refused
+inline constexpr double most_hold_s = 1.0;      // who holds forces for longer hardly rests
+inline constexpr double most_refinement = 4.0;  // of the substeps, for accuracy
+inline constexpr int max_substeps = 1000000;    // per frame; more is refused
 
 // The number that the method must keep small, and where it is largest.
 struct StabilityLimit {
@@ -49,6 +51,8 @@ struct Stability {
   std::size_t courant_tet = 0;
   StabilityLimit limit = {};     // of the method that was asked for
   double substeps_needed = 1.0;  // per frame, to keep it; a whole number
+  double sweep_number = 0.0;     // H, and what it bounds: XPBD's error at rest (held_forces.hpp)
+  double sweep_error = 0.0;      // as a share; 0 where elements hold their forces
   std::size_t switched = 0;      // tets that the corotational law has from Neo-Hookean elasticity
 };
 
@@ -57,11 +61,13 @@ double squared_gradients(const Mat3<double>& rest_inverse);
 
 Stability assess(const Model& model, const Scene& scene, Method method = Method::xpbd);
 
-// Follows scene.stability: raises the substeps, or throws Refusal with the number that is needed,
-// or leaves the grid as it is, or (XPBD) switches the form of single tets; where another form does
-// not help, as of Prony branches and under TLED, `form` raises the substeps. Implicit finite
-// elements have no limit. Returns the assessment of the grid that will be used. Once more on the
-// same scene, with other materials, it adds to what it did.
+// Follows scene.accuracy_limit first: where XPBD's error at rest may be larger, elements hold their
+// forces (not under the policy `refuse`), or else the substeps are raised, to four times as many at
+// most. Then follows scene.stability: raises the substeps, or throws Refusal with the number that
+// is needed, or leaves the grid as it is, or (XPBD) switches the form of single tets; where another
+// form does not help, as of Prony branches and under TLED, `form` raises the substeps. Implicit
+// finite elements have no limit. Returns the assessment of the grid that will be used. Once more on
+// the same scene, with other materials, it adds to what it did.
 Stability apply_policy(const Model& model, Scene& scene, Method method = Method::xpbd);
 
 }  // namespace viscera::sim

@@ -29,6 +29,11 @@ struct State {
   // of as many copies as another layout has, stands for nothing.
   std::vector<Vec3<double>> carried = {};
 
+  // What elements hold of their forces (solvers/held_forces.hpp), N, in the order of the registry
+  // and of their elements, and then their sum by vertex, m over a substep. Empty stands for
+  // nothing.
+  std::vector<double> held = {};
+
   // The offsets that `copies` of a layout carry.
   template <class T>
   std::vector<Vec3<T>> carried_by(std::size_t copies) const {

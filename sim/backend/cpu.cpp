@@ -9,6 +9,7 @@
 
 #include "sim/backend/cpu_regions.hpp"
 #include "sim/backend/cpu_self_contact.hpp"
+#include "sim/backend/cpu_viscous_step.hpp"
 #include "sim/backend/cpu_volume_bound.hpp"
 #include "sim/backend/pace.hpp"
 
@@ -54,7 +55,7 @@ template <class T>
 class CpuSolver final : public Solver {
  public:
   CpuSolver(const Model& model, const Scene& scene, const SolverOptions& options)
-      : program_(model, scene),
+      : program_(model, scene, ViscousStep::of(model, scene)),
         options_(options),
         layout_(model, program_, options),
         constants_(SweepConstants<T>::of(options)),
@@ -72,6 +73,8 @@ class CpuSolver final : public Solver {
         std::get<i>(own_).emplace_back(effect, layout_);
       }
     });
+    if (layout_.holds) held_.resize(n_), added_.resize(n_);
+    prepare_damping();
     // Multipliers of several iterations, and the projections of PBD, are no forces to carry on.
     const bool carries = arithmetic_of(options, 0) == Arithmetic::xpbd_only;
     if (layout_.split) copies_.emplace(*layout_.split, carries);
@@ -97,6 +100,7 @@ class CpuSolver final : public Solver {
     State state{{}, cast_all<double>(v_), step_};
     for (int i = 0; i < n_; ++i) state.u.push_back(cast<double>(u_[i].v));
     save_memory(own_, state);
+    if (layout_.holds) save_held(own_, held_, state);
     if (copies_) copies_->save(state);
     return state;
   }
@@ -106,14 +110,26 @@ class CpuSolver final : public Solver {
     step_ = state.step;
     volume_bound_.begin_at(state);
     load_memory(own_, state);
+    if (layout_.holds) {
+      held_ = load_held<decltype(own_), T>(own_, state, n_, program_.held_numbers());
+    }
     if (copies_) copies_->load(state);
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune({model, scene});
+    program_.retune({model, scene, ViscousStep::of(model, scene)});
+    prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
+      auto& own = std::get<i>(own_);
       const auto& effects = std::get<i>(program_.effects);
-      for (std::size_t k = 0; k < effects.size(); ++k) std::get<i>(own_)[k].retune(effects[k]);
+      for (std::size_t k = 0; k < effects.size(); ++k) {
+        if constexpr (is_rate_force<Effect>) {
+          own[k] =
+              Slot<Effect>(effects[k], layout_);  // solved for or not, it is laid out otherwise
+        } else {
+          own[k].retune(effects[k]);
+        }
+      }
     });
   }
   void steer(const Scene& scene) override {
@@ -129,6 +145,14 @@ class CpuSolver final : public Solver {
         own_, [&count]<class Effect>(const auto& own) { count += own.count(); });
     return count;
   }
+  bool solves_damping() const override { return static_cast<bool>(program_.viscous_step); }
+  double unsettled_force() const override {
+    double sum = 0.0;
+    for (int i = 0; i < static_cast<int>(added_.size()); ++i) {
+      if (d_[i].w > T(0)) sum += norm(cast<double>(added_[i])) / static_cast<double>(d_[i].w);
+    }
+    return sum;
+  }
   std::string device() const override {
     return "cpu, " + std::to_string(team_.most()) + " threads";
   }
@@ -141,6 +165,12 @@ class CpuSolver final : public Solver {
   }
 
  private:
+  void prepare_damping() {
+    layout_.solves_damping = static_cast<bool>(program_.viscous_step);
+    viscous_step_.reset();
+    if (program_.viscous_step) viscous_step_.emplace(program_.inverse_mass);
+  }
+
   static constexpr int shared_groups = 4;  // a thread's least part of a colour that is shared out
   static constexpr std::size_t step_part = Effects::size;  // what is not one effect's
   using Seconds = std::array<double, Effects::size + 1>;
@@ -168,8 +198,9 @@ class CpuSolver final : public Solver {
       const Step<T> step = program_.step(step_ + substep);
       const int of_frame = static_cast<int>((step_ + substep) % program_.substeps);
       volume_bound_.begin_substep(team_, rank, of_frame, u_, d_);
+      if (viscous_step_) solve_damping(rank, mine, step_ + substep, lap);
       begin(mine);
-      damp(rank, mine, lap);
+      if (!viscous_step_) damp(rank, mine, lap);
       apply_forces(mine);
       apply_motions(mine, step);
       lap.took(step_part);
@@ -181,7 +212,9 @@ class CpuSolver final : public Solver {
       push_contacts(mine, step);
       lap.took(step_part);
       team_.barrier();
+      if (layout_.holds) hold_forces(mine);
       for (int i = 0; i < options_.iterations; ++i) solve_elements(rank, mine, i, lap);
+      if (layout_.holds) renew_held(mine);
       for_each_self_contact([&](auto& own, std::size_t effect) {
         own.rub(team_, rank, u_, d_);
         lap.took(effect);
@@ -211,11 +244,35 @@ class CpuSolver final : public Solver {
         for (auto& own : std::get<i>(own_)) {
           if (!begun) begin_motions(mine), team_.barrier();
           begun = true;
-          sweep_colors(own, sweeps_[static_cast<int>(Arithmetic::xpbd_only)][i], rank);
+          sweep_colors(own, sweep_of<Effect>(Arithmetic::xpbd_only), rank);
           lap.took(i);
         }
       }
     });
+  }
+  // The same implicitly, and less often.
+  void solve_damping(int rank, Range mine, std::uint64_t step, Lap& lap) {
+    if (!program_.viscous_step.is_due(step)) return;
+    const T dt = static_cast<T>(program_.dt);
+    const T tau = static_cast<T>(program_.viscous_step.tau());
+    const auto decay = [&](Arithmetic arithmetic, const auto& velocity, auto& out) {
+      team_.barrier();
+      for (int i = mine.begin; i < mine.end; ++i) {
+        d_[i].v = dt * velocity[i];
+        out[i] = {};
+      }
+      team_.barrier();
+      for_each_slot<EffectKind::element>(own_, [&]<class Effect>(auto& own) {
+        if constexpr (is_rate_force<Effect>) {
+          fill_impulses(own, sweep_of<Effect>(arithmetic), rank);
+          for (int i = mine.begin; i < mine.end; ++i) {
+            out[i] += (tau * program_.inverse_mass[i]) * impulse_on(own, i);
+          }
+        }
+      });
+    };
+    viscous_step_->apply(team_, rank, v_, decay);
+    lap.took(Effects::index_of<Viscosity>());
   }
   // Vertices that are led have a velocity too.
   void begin_motions(Range mine) {
@@ -247,6 +304,23 @@ class CpuSolver final : public Solver {
     });
   }
 
+  // The forces that the elements hold, before a sweep, which adds to them, and what it has added.
+  void hold_forces(Range mine) {
+    for (int i = mine.begin; i < mine.end; ++i) {
+      if (!(d_[i].w > T(0))) continue;
+      d_[i].v += held_[i];
+      added_[i] = d_[i].v;
+    }
+    team_.barrier();
+  }
+  void renew_held(Range mine) {
+    for (int i = mine.begin; i < mine.end; ++i) {
+      if (!(d_[i].w > T(0))) continue;
+      added_[i] = d_[i].v - added_[i];
+      held_[i] += constants_.renewed * added_[i];
+    }
+  }
+
   // One iteration over all elements. Forces (rows = 0) act once a substep.
   void solve_elements(int rank, Range mine, int iteration, Lap& lap) {
     const Arithmetic arithmetic = arithmetic_of(options_, iteration);
@@ -255,7 +329,7 @@ class CpuSolver final : public Solver {
         for (auto& own : std::get<i>(own_)) {
           if (!is_constraint<Effect> && iteration > 0) continue;
           if (own.in_blocks()) continue;
-          const Sweep<T> sweep = sweeps_[static_cast<int>(arithmetic)][i];
+          const Sweep<T> sweep = sweep_of<Effect>(arithmetic);
           if (own.gathers()) {
             gather_impulses(own, sweep, rank, mine);
           } else {
@@ -273,10 +347,14 @@ class CpuSolver final : public Solver {
     if (copies_) sweep_blocks(arithmetic, rank, mine, lap);
   }
 
+  template <class Effect>
+  Sweep<T> sweep_of(Arithmetic arithmetic) const {
+    return sweeps_[static_cast<int>(arithmetic)][Effects::index_of<Effect>()];
+  }
+
   template <class Elements>
   SweepFields<T> fields_of(Elements& own) {
-    return {u_.data(), d_.data(), constants_, own.packed.multipliers.data(),
-            own.packed.memory.data()};
+    return {u_.data(), d_.data(), constants_, own.packed.kept.data(), own.packed.memory.data()};
   }
 
   template <class Elements>
@@ -300,17 +378,23 @@ class CpuSolver final : public Solver {
   // Jacobi: all elements from the same d, then each vertex sums what is its own, in a fixed order.
   template <class Elements>
   void gather_impulses(Elements& own, Sweep<T> sweep, int rank, Range mine) {
+    fill_impulses(own, sweep, rank);
+    for (int i = mine.begin; i < mine.end; ++i) d_[i].v += d_[i].w * impulse_on(own, i);
+    team_.barrier();
+  }
+  template <class Elements>
+  void fill_impulses(Elements& own, Sweep<T> sweep, int rank) {
     SweepFields<T> fields = fields_of(own);
     fields.impulses = own.impulses.data();
     const Range all{0, static_cast<int>(own.packed.groups.size())};
     sweep(own.packed.groups.data(), part_of(all, rank, team_.size()), fields);
     team_.barrier();
-    for (int i = mine.begin; i < mine.end; ++i) {
-      Vec3<T> sum;
-      for (const int slot : own.slots_of(i)) sum += own.impulses[slot];
-      d_[i].v += d_[i].w * sum;
-    }
-    team_.barrier();
+  }
+  template <class Elements>
+  static Vec3<T> impulse_on(const Elements& own, int vertex) {
+    Vec3<T> sum;
+    for (const int slot : own.slots_of(vertex)) sum += own.impulses[slot];
+    return sum;
   }
 
   // Each thread sweeps its blocks, effect after effect, on their copies of the vertices.
@@ -408,21 +492,25 @@ class CpuSolver final : public Solver {
   Pace pace_;
   bool paced_;  // threads are ours to choose
   CpuVolumeBound<T> volume_bound_;
+  std::optional<CpuViscousStep<T>> viscous_step_;  // where damping is solved for
   Seconds seconds_{};
   int n_;
   std::uint64_t step_ = 0;
   std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m
   std::vector<Vec3<T>> v_;     // m/s
+  // Where forces are held, m over the substep: they, and what the last sweep has added to them.
+  std::vector<Vec3<T>> held_, added_;
 };
 
 }  // namespace
 
 std::unique_ptr<Solver> make_cpu(const Model& model, const Scene& scene,
                                  const SolverOptions& options) {
-  if (options.precision == Precision::fp64) {
-    return std::make_unique<CpuSolver<double>>(model, scene, options);
+  const SolverOptions own = options_for(scene, options);
+  if (own.precision == Precision::fp64) {
+    return std::make_unique<CpuSolver<double>>(model, scene, own);
   }
-  return std::make_unique<CpuSolver<float>>(model, scene, options);
+  return std::make_unique<CpuSolver<float>>(model, scene, own);
 }
 
 }  // namespace viscera::sim

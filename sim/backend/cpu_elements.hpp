@@ -16,6 +16,8 @@ struct ElementLayout {
   int vertices;
   Scheme scheme;
   bool iterates;                 // several iterations a substep: multipliers are kept
+  bool holds;                    // elements hold their forces (held_forces.hpp)
+  bool solves_damping;           // rate forces are summed by vertex, and not lowered
   std::optional<Blocks> blocks;  // block Gauss-Seidel only
   std::optional<SplitVertices> split;
 
@@ -23,7 +25,9 @@ struct ElementLayout {
   ElementLayout(const Model& model, const Program<T>& program, const SolverOptions& options)
       : vertices(static_cast<int>(model.vertex_count())),
         scheme(options.method == Method::tled ? Scheme::gauss_seidel : options.scheme),
-        iterates(sim::iterates(options)) {
+        iterates(sim::iterates(options)),
+        holds(options.method == Method::xpbd && options.hold > 0.0),
+        solves_damping(program.viscous_step) {
     if (scheme != Scheme::block_gauss_seidel) return;
     constexpr int own_choice = 400;
     blocks.emplace(model, options.block_tets > 0 ? options.block_tets : own_choice);
@@ -46,8 +50,7 @@ struct CpuElements {
 
   CpuElements(const Prepared<Effect, T>& elements, const ElementLayout& layout)
       : elements_(elements.vertices.size()) {
-    // A force is taken in full: its stability is that of one element after the other.
-    const Scheme scheme = is_constraint<Effect> ? layout.scheme : Scheme::gauss_seidel;
+    const Scheme scheme = scheme_in(layout);
     if (scheme == Scheme::block_gauss_seidel) {
       lay_out_blocks(elements, layout);
     } else {
@@ -56,7 +59,8 @@ struct CpuElements {
       packed.append(all, elements.vertices, {0, layout.vertices}, elements.rest);
     }
     const std::size_t lanes = packed.groups.size() * Packed::width;
-    if (layout.iterates) packed.multipliers.resize(lanes * Effect::rows);
+    if (layout.iterates) packed.kept.resize(lanes * Effect::rows);
+    if (layout.holds) packed.kept.resize(lanes * held_by<Effect>);
     packed.memory.resize(lanes * Packed::memory_size);
     if (scheme == Scheme::jacobi) lay_out_slots(layout);
   }
@@ -81,32 +85,47 @@ struct CpuElements {
   }
 
   // Appends what every element remembers, in the order of the elements.
-  void save_memory(std::vector<double>& memory) const {
-    const std::size_t begin = memory.size();
-    memory.resize(begin + elements_ * Packed::memory_size);
-    for_each_memory([&](std::size_t by_element, std::size_t by_lane) {
-      memory[begin + by_element] = packed.memory[by_lane];
-    });
+  void save_memory(std::vector<double>& all) const {
+    save<Packed::memory_size>(packed.memory, all);
   }
-  // Takes its own from the front of `memory`; an empty one stands for zeros.
-  void load_memory(std::span<const double>& memory) {
-    const bool virgin = memory.empty();
-    for_each_memory([&](std::size_t by_element, std::size_t by_lane) {
-      packed.memory[by_lane] = virgin ? T(0) : static_cast<T>(memory[by_element]);
-    });
-    if (!virgin) memory = memory.subspan(elements_ * Packed::memory_size);
-  }
+  // Takes its own from the front; an empty one stands for zeros.
+  void load_memory(std::span<const double>& all) { load<Packed::memory_size>(packed.memory, all); }
+  // Likewise of the forces that it holds.
+  void save_held(std::vector<double>& all) const { save<held_by<Effect>>(packed.kept, all); }
+  void load_held(std::span<const double>& all) { load<held_by<Effect>>(packed.kept, all); }
 
  private:
-  template <class Function>
-  void for_each_memory(Function&& function) const {
-    constexpr int size = Packed::memory_size, width = Packed::width;
+  template <int size>
+  void save(const std::vector<T>& numbers, std::vector<double>& all) const {
+    const std::size_t begin = all.size();
+    all.resize(begin + elements_ * size);
+    for_each_number<size>([&](std::size_t by_element, std::size_t by_lane) {
+      all[begin + by_element] = numbers[by_lane];
+    });
+  }
+  template <int size>
+  void load(std::vector<T>& numbers, std::span<const double>& all) {
+    const bool virgin = all.empty();
+    for_each_number<size>([&](std::size_t by_element, std::size_t by_lane) {
+      numbers[by_lane] = virgin ? T(0) : static_cast<T>(all[by_element]);
+    });
+    if (!virgin) all = all.subspan(elements_ * size);
+  }
+  template <int size, class Function>
+  void for_each_number(Function&& function) const {
+    constexpr int width = Packed::width;
     for (std::size_t at = 0; at < packed.element_of.size(); ++at) {
       const std::size_t group = at / width, lane = at % width, element = packed.element_of[at];
       for (int k = 0; k < size; ++k) {
         function(element * size + k, (group * size + k) * width + lane);
       }
     }
+  }
+
+  static Scheme scheme_in(const ElementLayout& layout) {
+    if (is_rate_force<Effect> && layout.solves_damping) return Scheme::jacobi;
+    // A force is taken in full: its stability is that of one element after the other.
+    return is_constraint<Effect> ? layout.scheme : Scheme::gauss_seidel;
   }
 
   void lay_out_blocks(const Prepared<Effect, T>& elements, const ElementLayout& layout) {

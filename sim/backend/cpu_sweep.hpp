@@ -36,7 +36,7 @@ struct PackedElements {
   };
   std::vector<Group> groups;
   std::vector<Range> colors;    // in groups
-  std::vector<T> multipliers;   // [groups * rows * W], where a substep has several iterations
+  std::vector<T> kept;          // [groups * kept_by<Effect, ...> * W], by the arithmetic of the run
   std::vector<T> memory;        // [groups * memory_size * W]
   std::vector<int> element_of;  // [groups * W]
 
@@ -91,7 +91,7 @@ struct SweepFields {
   const Row<T>* u;
   Row<T>* d;
   SweepConstants<T> constants;
-  T* multipliers = nullptr;
+  T* kept = nullptr;
   T* memory = nullptr;
   Vec3<T>* impulses = nullptr;
 };
@@ -132,12 +132,11 @@ void sweep_group(const typename PackedElements<Effect, T>::Group& group, int ind
     d[i] = {rows[0], rows[1], rows[2]};
     mobility[i] = rows[3];
   }
-  const SweepConstants<P> constants{P(f.constants.split), P(f.constants.stiffness)};
-  constexpr bool iterates =
-      arithmetic == Arithmetic::xpbd_first || arithmetic == Arithmetic::xpbd_next;
-  with_kept<iterates ? Effect::rows : 0, P>(f.multipliers, index, [&](P* multipliers) {
+  const SweepConstants<P> constants{P(f.constants.split), P(f.constants.stiffness),
+                                    P(f.constants.renewed)};
+  with_kept<kept_by<Effect, arithmetic>, P>(f.kept, index, [&](P* kept) {
     with_kept<memory_of<Effect>, P>(f.memory, index, [&](P* memory) {
-      element_impulses<Effect, arithmetic>(rest, mobility, constants, u, d, multipliers, memory, p);
+      element_impulses<Effect, arithmetic>(rest, mobility, constants, u, d, kept, memory, p);
     });
   });
   for (int i = 0; i < arity; ++i) {
@@ -185,16 +184,24 @@ void fill_table(SweepTable<T>& table) {
     if constexpr (Effect::kind == EffectKind::element) {
       using enum Arithmetic;
       const auto fill = [&table]<Arithmetic arithmetic>() {
-        if constexpr (arithmetic == pbd && !is_projectable<Effect>) return;
-        // A force is the same under all.
-        constexpr Arithmetic own = is_constraint<Effect> ? arithmetic : xpbd_only;
-        table[static_cast<int>(arithmetic)][i] = sweep_groups<isa, own, Effect, T>;
+        constexpr bool is_able = arithmetic == pbd           ? is_projectable<Effect>
+                                 : is_solved_for<arithmetic> ? is_rate_force<Effect>
+                                                             : true;
+        // A force is the same under all others.
+        constexpr bool differs = is_constraint<Effect> || is_solved_for<arithmetic>;
+        if constexpr (is_able) {
+          table[static_cast<int>(arithmetic)][i] = sweep_groups < isa,
+          differs ? arithmetic : xpbd_only, Effect, T > ;
+        }
       };
       fill.template operator()<xpbd_only>();
       fill.template operator()<xpbd_first>();
       fill.template operator()<xpbd_next>();
+      fill.template operator()<xpbd_held>();
       fill.template operator()<pbd>();
       fill.template operator()<force>();
+      fill.template operator()<in_full>();
+      fill.template operator()<resisted>();
     }
   });
 }

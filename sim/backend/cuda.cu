@@ -5,6 +5,7 @@
 #include <cuda_runtime.h>
 
 #include <algorithm>
+#include <optional>
 #include <type_traits>
 
 #include "sim/backend/cuda_blocks.hpp"
@@ -12,6 +13,7 @@
 #include "sim/backend/cuda_memory.cuh"
 #include "sim/backend/cuda_regions.cuh"
 #include "sim/backend/cuda_self_contact.cuh"
+#include "sim/backend/cuda_viscous_step.cuh"
 #include "sim/backend/cuda_volume_bound.cuh"
 #include "sim/coloring.hpp"
 #include "sim/solvers/make.hpp"
@@ -25,6 +27,8 @@ struct DeviceLayout {
   int vertices;
   bool gathers;   // elements are solved from the same state
   bool iterates;  // several iterations a substep
+  bool holds;     // elements hold their forces (held_forces.hpp)
+  bool solves_damping;
 };
 
 // What one effect keeps on the device.
@@ -73,22 +77,24 @@ struct OnDevice<Effect, T, EffectKind::motion> {
 template <class Effect, class T>
 struct OnDevice<Effect, T, EffectKind::element> {
   using Vertices = std::array<int, Effect::arity>;
-  // A force is taken in full: its stability is that of one element after the other.
+  // A force is taken in full: its stability is that of one element after the other, unless it is
+  // solved for.
   bool gathers;
   Coloring coloring;
   DeviceArray<Vertices> vertices;  // in order of colour
   DeviceArray<typename Effect::template Rest<T>> rest;
-  DeviceArray<T> multipliers, memory;
+  DeviceArray<T> kept, memory;
   DeviceArray<Vec3<T>> impulses;        // where each vertex gathers them, N
   DeviceArray<int> slots, slots_begin;  // [vertices + 1] of its impulses
 
   OnDevice(const Prepared<Effect, T>& host, const DeviceLayout& layout)
-      : gathers(layout.gathers && is_constraint<Effect>),
+      : gathers(is_rate_force<Effect> ? layout.solves_damping
+                                      : layout.gathers && is_constraint<Effect>),
         coloring(color_elements<Effect::arity>(std::span<const Vertices>(host.vertices),
                                                layout.vertices)),
         vertices(ordered(host.vertices)),
         rest(ordered(host.rest)),
-        multipliers(layout.iterates ? host.rest.size() * Effect::rows : 0),
+        kept(host.rest.size() * kept_by(layout)),
         memory(host.rest.size() * memory_of<Effect>) {
     if (gathers) lay_out_slots(host, layout.vertices);
   }
@@ -111,7 +117,11 @@ struct OnDevice<Effect, T, EffectKind::element> {
   }
 
   ElementView<Effect, T> view() const {
-    return {vertices.get(), rest.get(), multipliers.get(), memory.get(), impulses.get()};
+    return {vertices.get(), rest.get(), kept.get(), memory.get(), impulses.get()};
+  }
+
+  static int kept_by(const DeviceLayout& layout) {
+    return layout.holds ? held_by<Effect> : layout.iterates ? Effect::rows : 0;
   }
 
   template <class Item>
@@ -127,17 +137,24 @@ struct OnDevice<Effect, T, EffectKind::element> {
   void load_memory(std::span<const double>& all) {
     if constexpr (memory_of<Effect> != 0) load_kept<memory_of<Effect>>(memory, coloring.order, all);
   }
+  void save_held(std::vector<double>& all) const {
+    if constexpr (held_by<Effect> != 0) save_kept<held_by<Effect>>(kept, coloring.order, all);
+  }
+  void load_held(std::span<const double>& all) {
+    if constexpr (held_by<Effect> != 0) load_kept<held_by<Effect>>(kept, coloring.order, all);
+  }
 };
 
 template <class T>
 class CudaSolver final : public Solver {
  public:
   CudaSolver(const Model& model, const Scene& scene, const SolverOptions& options, std::string name)
-      : CudaSolver(Program<T>(model, scene), BoundedTets<T>(model, scene, options.method), options,
-                   std::move(name)) {}
+      : CudaSolver(Program<T>(model, scene, ViscousStep::of(model, scene)),
+                   BoundedTets<T>(model, scene, options.method), options, std::move(name)) {}
 
   void advance_frame() override {
-    for (int substep = 0; substep < substeps_; ++substep) {
+    for (int substep = 0; substep < substeps_; ++substep, ++step_) {
+      if (program_.viscous_step.is_due(step_)) viscous_step_->apply(stream_);
       graph_.launch(stream_, "launching a substep");
     }
     stream_.finish("running a frame");
@@ -148,23 +165,37 @@ class CudaSolver final : public Solver {
     State state{cast_all<double>(u_.download()), cast_all<double>(v_.download()),
                 done_.download()[0]};
     save_memory(effects_, state);
+    if (layout_.holds) save_held(effects_, held_.download(), state);
     return state;
   }
   void set_state(const State& state) override {
     u_.upload(cast_all<T>(state.u));
     v_.upload(cast_all<T>(state.v));
     done_.upload({state.step});
+    step_ = state.step;
     volume_bound_.begin_at(state);
     load_memory(effects_, state);
+    if (layout_.holds) {
+      held_.upload(load_held<decltype(effects_), T>(effects_, state, n_, program_.held_numbers()));
+    }
     for_each_slot<EffectKind::self_contact>(effects_,
                                             [&]<class Effect>(auto& effect) { effect.forget(); });
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune({model, scene});
+    program_.retune({model, scene, ViscousStep::of(model, scene)});
+    prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
+      auto& own = std::get<i>(effects_);
       const auto& effects = std::get<i>(program_.effects);
-      for (std::size_t k = 0; k < effects.size(); ++k) std::get<i>(effects_)[k].retune(effects[k]);
+      for (std::size_t k = 0; k < effects.size(); ++k) {
+        if constexpr (is_rate_force<Effect>) {
+          own[k] =
+              Slot<Effect>(effects[k], layout_);  // solved for or not, it is laid out otherwise
+        } else {
+          own[k].retune(effects[k]);
+        }
+      }
     });
     capture();
   }
@@ -189,6 +220,17 @@ class CudaSolver final : public Solver {
     for_each_active<EffectKind::self_contact>(
         [&count]<class Effect>(const auto& effect) { count += effect.count(); });
     return count;
+  }
+  bool solves_damping() const override { return static_cast<bool>(program_.viscous_step); }
+  double unsettled_force() const override {
+    if (!layout_.holds) return 0.0;
+    const auto added = added_.download();
+    double sum = 0.0;
+    for (int i = 0; i < n_; ++i) {
+      const T w = program_.inverse_mass[i];
+      if (w > T(0)) sum += norm(cast<double>(added[i])) / (static_cast<double>(w) * dt_ * dt_);
+    }
+    return sum;
   }
   std::string device() const override { return "cuda, " + name_; }
   bool off_host() const override { return true; }
@@ -218,7 +260,8 @@ class CudaSolver final : public Solver {
         dt_(program_.dt),
         substeps_(program_.substeps),
         layout_{n_, options.method == Method::tled || options.scheme == Scheme::jacobi,
-                iterates(options)},
+                iterates(options), options.method == Method::xpbd && options.hold > 0.0,
+                static_cast<bool>(program_.viscous_step)},
         rest_((require_memory(program_, layout_, bounded), program_.rest)),
         inverse_mass_(program_.inverse_mass),
         u_(n_),
@@ -231,7 +274,15 @@ class CudaSolver final : public Solver {
         std::get<i>(effects_).emplace_back(host, layout_);
       }
     });
+    if (layout_.holds) held_ = DeviceArray<Vec3<T>>(n_), added_ = DeviceArray<Vec3<T>>(n_);
+    prepare_damping();
     capture();
+  }
+
+  void prepare_damping() {
+    layout_.solves_damping = static_cast<bool>(program_.viscous_step);
+    viscous_step_.reset();
+    if (program_.viscous_step) viscous_step_.emplace(n_, inverse_mass_.get());
   }
 
   static void require_memory(const Program<T>& program, const DeviceLayout& layout,
@@ -239,9 +290,12 @@ class CudaSolver final : public Solver {
     const std::size_t n = program.rest.size();
     std::size_t bytes =
         n * (4 * sizeof(Vec3<T>) + 2 * sizeof(T)) + CudaVolumeBound<T>::bytes(bounded);
+    if (layout.holds) bytes += n * 2 * sizeof(Vec3<T>);
+    if (layout.solves_damping) bytes += CudaViscousStep<T>::bytes(n);
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
-      const std::size_t kept = memory_of<Effect> + (layout.iterates ? Effect::rows : 0);
-      const std::size_t gathered = layout.gathers ? sizeof(Vec3<T>) + sizeof(int) : 0;
+      const std::size_t kept = memory_of<Effect> + Slot<Effect>::kept_by(layout);
+      const bool gathers = is_rate_force<Effect> ? layout.solves_damping : layout.gathers;
+      const std::size_t gathered = gathers ? sizeof(Vec3<T>) + sizeof(int) : 0;
       bytes += effect.rest.size() * (sizeof(effect.rest[0]) + sizeof(effect.vertices[0]) +
                                      kept * sizeof(T) + gathered * Effect::arity);
     });
@@ -259,6 +313,25 @@ class CudaSolver final : public Solver {
   // What travels as a kernel argument is part of the graph.
   void capture() {
     graph_ = Graph(stream_, [this] { enqueue_substep(); });
+    if (!viscous_step_) return;
+    const auto enqueue_decay = [this](Arithmetic arithmetic, const Vec3<T>* velocity,
+                                      Vec3<T>* out) {
+      move_by<T>
+          <<<blocks(n_), block_size, 0, stream_>>>(n_, velocity, static_cast<T>(dt_), d_.get());
+      for_each_active<EffectKind::element>([&]<class Effect>(const auto& own) {
+        if constexpr (is_rate_force<Effect>) {
+          if (arithmetic == Arithmetic::in_full) {
+            enqueue_elements<Effect, Arithmetic::in_full>(own, 0, own.coloring.color_begin.back());
+          } else {
+            enqueue_elements<Effect, Arithmetic::resisted>(own, 0, own.coloring.color_begin.back());
+          }
+          add_decay<T><<<blocks(n_), block_size, 0, stream_>>>(
+              n_, own.slots_begin.get(), own.slots.get(), own.impulses.get(), inverse_mass_.get(),
+              static_cast<T>(program_.viscous_step.tau()), out);
+        }
+      });
+    };
+    viscous_step_->capture(stream_, v_.get(), enqueue_decay);
   }
 
   static int blocks(int threads) { return (threads + block_size - 1) / block_size; }
@@ -267,7 +340,7 @@ class CudaSolver final : public Solver {
     const T dt = static_cast<T>(dt_);
     begin<T>
         <<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), v_.get(), d_.get(), dt);
-    enqueue_rate_forces();
+    if (!viscous_step_) enqueue_rate_forces();
     for_each_active<EffectKind::force>([&]<class Effect>(const auto& effect) {
       apply_force<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
           n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), v_.get(), d_.get(), dt);
@@ -287,7 +360,15 @@ class CudaSolver final : public Solver {
           n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), d_.get(),
           effect.correction.get(), done_.get(), dt_);
     });
+    if (layout_.holds) {
+      hold_forces<T><<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), held_.get(),
+                                                             d_.get(), added_.get());
+    }
     for (int i = 0; i < options_.iterations; ++i) enqueue_iteration(i);
+    if (layout_.holds) {
+      renew_held<T><<<blocks(n_), block_size, 0, stream_>>>(
+          n_, inverse_mass_.get(), d_.get(), added_.get(), constants_.renewed, held_.get());
+    }
     for_each_active<EffectKind::self_contact>([&]<class Effect>(const auto& effect) {
       effect.enqueue_rub(stream_, u_.get(), d_.get(), inverse_mass_.get());
     });
@@ -358,30 +439,41 @@ class CudaSolver final : public Solver {
         return enqueue_sweep<Effect, xpbd_first>(own);
       case xpbd_next:
         return enqueue_sweep<Effect, xpbd_next>(own);
+      case xpbd_held:
+        return enqueue_sweep<Effect, xpbd_held>(own);
       case force:
         return enqueue_sweep<Effect, force>(own);
       case pbd:
         if constexpr (is_projectable<Effect>) enqueue_sweep<Effect, pbd>(own);
+        return;
+      case in_full:
+      case resisted:
+        return;  // of rate forces, which are no constraints
     }
   }
 
   template <class Effect, Arithmetic arithmetic>
   void enqueue_sweep(const OnDevice<Effect, T>& own) {
     const T dt = static_cast<T>(dt_);
-    const auto solve = [&](int first, int last) {
-      if (first == last) return;
-      solve_elements<Effect, arithmetic, T><<<blocks(last - first), block_size, 0, stream_>>>(
-          first, last, own.view(), inverse_mass_.get(), u_.get(), d_.get(), constants_, dt);
-    };
     const auto& colors = own.coloring.color_begin;
     if (!own.gathers) {
-      for (std::size_t c = 0; c + 1 < colors.size(); ++c) solve(colors[c], colors[c + 1]);
+      for (std::size_t c = 0; c + 1 < colors.size(); ++c) {
+        enqueue_elements<Effect, arithmetic>(own, colors[c], colors[c + 1]);
+      }
       return;
     }
-    solve(0, colors.back());
+    enqueue_elements<Effect, arithmetic>(own, 0, colors.back());
     gather_impulses<T><<<blocks(n_), block_size, 0, stream_>>>(n_, own.slots_begin.get(),
                                                                own.slots.get(), own.impulses.get(),
                                                                inverse_mass_.get(), dt, d_.get());
+  }
+
+  template <class Effect, Arithmetic arithmetic>
+  void enqueue_elements(const OnDevice<Effect, T>& own, int first, int last) {
+    if (first == last) return;
+    solve_elements<Effect, arithmetic, T><<<blocks(last - first), block_size, 0, stream_>>>(
+        first, last, own.view(), inverse_mass_.get(), u_.get(), d_.get(), constants_,
+        static_cast<T>(dt_));
   }
 
   template <EffectKind kind, class Function>
@@ -400,8 +492,12 @@ class CudaSolver final : public Solver {
   DeviceArray<Vec3<T>> rest_;
   DeviceArray<T> inverse_mass_;
   DeviceArray<Vec3<T>> u_, v_, d_;
+  // Where forces are held, m over the substep: they, and what the last sweep has added to them.
+  DeviceArray<Vec3<T>> held_, added_;
   CudaVolumeBound<T> volume_bound_;
-  DeviceArray<unsigned long long> done_;  // [1] substeps
+  std::optional<CudaViscousStep<T>> viscous_step_;  // where damping is solved for
+  DeviceArray<unsigned long long> done_;            // [1] substeps
+  std::uint64_t step_ = 0;                          // the same, for the host
   Effects::Slots<Slot> effects_;
   Stream stream_;
   Graph graph_;
@@ -425,10 +521,11 @@ namespace {
 
 std::unique_ptr<Solver> make_by_kernels(const Model& model, const Scene& scene,
                                         const SolverOptions& options, const std::string& name) {
-  if (options.precision == Precision::fp64) {
-    return std::make_unique<CudaSolver<double>>(model, scene, options, name);
+  const SolverOptions own = options_for(scene, options);
+  if (own.precision == Precision::fp64) {
+    return std::make_unique<CudaSolver<double>>(model, scene, own, name);
   }
-  return std::make_unique<CudaSolver<float>>(model, scene, options, name);
+  return std::make_unique<CudaSolver<float>>(model, scene, own, name);
 }
 
 }  // namespace

@@ -34,8 +34,8 @@ template <class Effect, class T>
 struct ElementView {
   const std::array<int, Effect::arity>* vertices;
   const typename Effect::template Rest<T>* rest;
-  T* multipliers;  // [elements][rows], where a substep has several iterations
-  T* memory;       // [elements][memory_of<Effect>]
+  T* kept;    // [elements][kept_by<Effect, arithmetic>]
+  T* memory;  // [elements][memory_of<Effect>]
   Vec3<T>* impulses;
 };
 
@@ -66,12 +66,10 @@ __global__ void solve_elements(int first, int last, ElementView<Effect, T> own, 
     local_d[i] = d[v];
     mobility[i] = w[v] * (dt * dt);
   }
-  constexpr bool iterates =
-      arithmetic == Arithmetic::xpbd_first || arithmetic == Arithmetic::xpbd_next;
-  with_kept<iterates ? Effect::rows : 0>(own.multipliers, e, [&](T* multipliers) {
+  with_kept<kept_by<Effect, arithmetic>>(own.kept, e, [&](T* kept) {
     with_kept<memory_of<Effect>>(own.memory, e, [&](T* memory) {
-      element_impulses<Effect, arithmetic>(own.rest[e], mobility, constants, local_u, local_d,
-                                           multipliers, memory, p);
+      element_impulses<Effect, arithmetic>(own.rest[e], mobility, constants, local_u, local_d, kept,
+                                           memory, p);
     });
   });
   for (int i = 0; i < arity; ++i) {
@@ -91,6 +89,23 @@ __global__ void gather_impulses(int n, const int* begin, const int* slots, const
   Vec3<T> sum;
   for (int k = begin[i]; k < begin[i + 1]; ++k) sum += impulses[slots[k]];
   d[i] += (w[i] * (dt * dt)) * sum;
+}
+
+// The forces that the elements hold, before a sweep, which adds to them, and what it has added.
+template <class T>
+__global__ void hold_forces(int n, const T* w, const Vec3<T>* held, Vec3<T>* d, Vec3<T>* added) {
+  const int i = global_thread();
+  if (i >= n || !(w[i] > T(0))) return;
+  d[i] += held[i];
+  added[i] = d[i];
+}
+template <class T>
+__global__ void renew_held(int n, const T* w, const Vec3<T>* d, Vec3<T>* added, T renewed,
+                           Vec3<T>* held) {
+  const int i = global_thread();
+  if (i >= n || !(w[i] > T(0))) return;
+  added[i] = d[i] - added[i];
+  held[i] += renewed * added[i];
 }
 
 // The substep that follows `done` ones. One graph is launched again and again: the count is on the

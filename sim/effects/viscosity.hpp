@@ -79,6 +79,14 @@ struct Viscosity {
             .number = static_cast<T>(kept * number)};
   }
 
+  // For those who solve for what it does and need no bound (solvers/viscous_step.hpp): `number` is
+  // then the resistance to a change of volume, J.
+  template <class T>
+  static void solve_for(const Model& model, std::size_t tet, Rest<T>& rest) {
+    const auto [mu, lambda] = lame(model.material(tet));
+    rest.number = static_cast<T>(std::min(1.0 + 0.5 * lambda / mu, 6.0)) * rest.strength;
+  }
+
   // On copies of the vertices with a share of their mass, `copies` of each at most.
   template <class T>
   static void lighten(Rest<T>& rest, T copies) {
@@ -88,15 +96,38 @@ struct Viscosity {
   template <class T>
   SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> u[4], const Vec3<T> d[4],
                               Evaluation<T, rows, arity>& out) {
-    const Mat3<T> df = displacement_gradient(d, rest.rest_inverse);
     const Mat3<T> f = plus_identity(T(1), displacement_gradient(u, rest.rest_inverse));
+    const T number = rest.number * squared_norm(f);
+    const T lowered = select(number > T(bound), T(bound) / number, T(1));
+    act(lowered * rest.strength, f, displacement_gradient(d, rest.rest_inverse), rest, out);
+  }
+  // After solve_for(): the force in full, with or without the resistance
+  //   -number (cof F : dF) cof F b_i
+  template <bool resisted, class T>
+  SIM_HD static void evaluate_in_full(const Rest<T>& rest, const Vec3<T> u[4], const Vec3<T> d[4],
+                                      Evaluation<T, rows, arity>& out) {
+    const Mat3<T> f = plus_identity(T(1), displacement_gradient(u, rest.rest_inverse));
+    const Mat3<T> df = displacement_gradient(d, rest.rest_inverse);
+    act(rest.strength, f, df, rest, out);
+    if constexpr (resisted) {
+      const Mat3<T> cof = cofactor(f);
+      const T swelling =
+          dot(cof.col[0], df.col[0]) + dot(cof.col[1], df.col[1]) + dot(cof.col[2], df.col[2]);
+      Vec3<T> resistance[4];
+      NeoHookean::scatter(-(rest.number * swelling), cof, rest.rest_inverse, resistance);
+      for (int i = 0; i < 4; ++i) out.preload[i] += resistance[i];
+    }
+  }
+
+ private:
+  template <class T>
+  SIM_HD static void act(T strength, const Mat3<T>& f, const Mat3<T>& df, const Rest<T>& rest,
+                         Evaluation<T, rows, arity>& out) {
     const Mat3<T> g = transpose(f) * df;
     const Mat3<T> gt = transpose(g);
     const Mat3<T> strain{{T(0.5) * (g.col[0] + gt.col[0]), T(0.5) * (g.col[1] + gt.col[1]),
                           T(0.5) * (g.col[2] + gt.col[2])}};
-    const T number = rest.number * squared_norm(f);
-    const T lowered = select(number > T(bound), T(bound) / number, T(1));
-    NeoHookean::scatter(-lowered * rest.strength, f * strain, rest.rest_inverse, out.preload);
+    NeoHookean::scatter(-strength, f * strain, rest.rest_inverse, out.preload);
   }
 };
 

@@ -12,6 +12,8 @@
 // no epsilon is needed.
 #pragma once
 
+#include <algorithm>
+
 #include "sim/effects/effect.hpp"
 #include "sim/solvers/options.hpp"
 
@@ -21,10 +23,17 @@ enum class Arithmetic {
   xpbd_only,   // the only iteration of a substep: multipliers start from zero, none is stored
   xpbd_first,  // the first of several: stores them
   xpbd_next,   // a later one: goes on from them
+  xpbd_held,   // the only iteration, beside forces that are held (held_forces.hpp)
   pbd,
   force,
+  in_full,   // rate forces only, solved for (viscous_step.hpp)
+  resisted,  // the same, with what resists a change of volume
 };
-inline constexpr int arithmetic_count = 5;
+inline constexpr int arithmetic_count = 8;
+
+template <Arithmetic arithmetic>
+inline constexpr bool is_solved_for =
+    arithmetic == Arithmetic::in_full || arithmetic == Arithmetic::resisted;
 
 // Whether multipliers are kept from one iteration of a substep to the next.
 inline bool iterates(const SolverOptions& options) {
@@ -34,19 +43,35 @@ inline bool iterates(const SolverOptions& options) {
 inline Arithmetic arithmetic_of(const SolverOptions& options, int iteration) {
   if (options.method == Method::pbd) return Arithmetic::pbd;
   if (options.method == Method::tled) return Arithmetic::force;
+  if (options.hold > 0.0) return Arithmetic::xpbd_held;
   if (!iterates(options)) return Arithmetic::xpbd_only;
   return iteration == 0 ? Arithmetic::xpbd_first : Arithmetic::xpbd_next;
 }
+
+// Numbers that an element of a constraint holds: its forces but the first, which balances them.
+template <class Effect>
+inline constexpr int held_by = [] {
+  if constexpr (is_constraint<Effect>) return 3 * std::max(1, Effect::arity - 1);
+  return 0;
+}();
+// Numbers that it keeps from one sweep to the next: its multipliers, or the forces that it holds.
+template <class Effect, Arithmetic arithmetic>
+inline constexpr int kept_by =
+    arithmetic == Arithmetic::xpbd_first || arithmetic == Arithmetic::xpbd_next ? Effect::rows
+    : arithmetic == Arithmetic::xpbd_held                                       ? held_by<Effect>
+                                                                                : 0;
 
 // What stays the same for all elements of a sweep.
 template <class T>
 struct SweepConstants {
   T split;      // the factor on A: 1 but for Jacobi
   T stiffness;  // PBD's k
+  T renewed;    // share of the held forces that a substep renews
 
   static SweepConstants of(const SolverOptions& options) {
     return {static_cast<T>(options.scheme == Scheme::jacobi ? options.split : 1.0),
-            static_cast<T>(options.stiffness)};
+            static_cast<T>(options.stiffness),
+            static_cast<T>(options.hold > 0.0 ? 1.0 / std::max(1.0, options.hold) : 0.0)};
   }
 };
 
@@ -132,6 +157,25 @@ SIM_HD void xpbd_from_zero(const Evaluation<T, rows, arity>& c, const T (&mobili
   add_gradients(c, weight, p);
 }
 
+// Beside forces that are held: what it adds to its own (held_forces.hpp), which it then renews.
+template <class T, int rows, int arity>
+SIM_HD void impulses_beside_held(Evaluation<T, rows, arity>& c, const T (&mobility)[arity],
+                                 T renewed, T* held, Vec3<T> (&p)[arity]) {
+  constexpr int first = arity > 1 ? 1 : 0;
+  for (int i = first, at = 0; i < arity; ++i, at += 3) {
+    const Vec3<T> own{held[at], held[at + 1], held[at + 2]};
+    c.preload[i] -= own;
+    if (arity > 1) c.preload[0] += own;
+  }
+  T weight[rows];
+  xpbd_from_zero(c, mobility, weight, p);
+  for (int i = first, at = 0; i < arity; ++i, at += 3) {
+    held[at] += renewed * p[i].x;
+    held[at + 1] += renewed * p[i].y;
+    held[at + 2] += renewed * p[i].z;
+  }
+}
+
 // `multipliers` are those of this substep so far (J per unit of C); read and written by the
 // iterations that need them.
 template <Arithmetic arithmetic, class T, int rows, int arity>
@@ -184,16 +228,21 @@ inline constexpr bool is_eliminated = [] {
   return false;
 }();
 
-// The impulses of one element. `memory` is what an effect with a history keeps of it.
+// The impulses of one element. `kept` is what it keeps under this arithmetic, `memory` what an
+// effect with a history does.
 template <class Effect, Arithmetic arithmetic, class T, int arity = Effect::arity>
 SIM_HD void element_impulses(const typename Effect::template Rest<T>& rest,
                              const T (&mobility)[arity], const SweepConstants<T>& constants,
-                             const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity], T* multipliers,
+                             const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity], T* kept,
                              T* memory, Vec3<T> (&p)[arity]) {
   if constexpr (arithmetic == Arithmetic::xpbd_only && is_eliminated<Effect>) {
     T scaled[arity];
     for (int i = 0; i < arity; ++i) scaled[i] = constants.split * mobility[i];
     Effect::xpbd_impulses(rest, scaled, u, d, p);
+  } else if constexpr (is_solved_for<arithmetic>) {
+    Evaluation<T, Effect::rows, arity> c;
+    Effect::template evaluate_in_full<arithmetic == Arithmetic::resisted>(rest, u, d, c);
+    for (int i = 0; i < arity; ++i) p[i] = c.preload[i];
   } else {
     Evaluation<T, Effect::rows, arity> c;
     constexpr bool at_start = arithmetic == Arithmetic::force && Effect::rows > 0;
@@ -204,8 +253,12 @@ SIM_HD void element_impulses(const typename Effect::template Rest<T>& rest,
     } else {
       Effect::evaluate(rest, u, at_start ? none : d, c);
     }
-    if constexpr (Effect::rows > 0) {
-      impulses_of<arithmetic>(c, mobility, constants.split, constants.stiffness, multipliers, p);
+    if constexpr (arithmetic == Arithmetic::xpbd_held && Effect::rows > 0) {
+      T scaled[arity];
+      for (int i = 0; i < arity; ++i) scaled[i] = constants.split * mobility[i];
+      impulses_beside_held(c, scaled, constants.renewed, kept, p);
+    } else if constexpr (Effect::rows > 0) {
+      impulses_of<arithmetic>(c, mobility, constants.split, constants.stiffness, kept, p);
     } else {
       for (int i = 0; i < arity; ++i) p[i] = c.preload[i];
     }

@@ -37,6 +37,10 @@ void check_options(const Scene& scene, const SolverOptions& options) {
   if (!(options.stiffness >= 0.0 && options.stiffness <= 1.0)) {
     refuse("stiffness", std::to_string(options.stiffness), "0 to 1");
   }
+  if (options.method == Method::xpbd && options.iterations != 1 && scene.force_hold_s > 0.0) {
+    refuse("iterations", std::to_string(options.iterations),
+           "1 with accuracy_limit, for which elements hold their forces");
+  }
   if (options.method == Method::tled && options.iterations != 1) {
     refuse("iterations", std::to_string(options.iterations), "1: TLED is explicit");
   }
@@ -83,6 +87,7 @@ std::string what_cuda_lacks(const Scene& scene, const SolverOptions& options) {
   if (!in_blocks(options)) return "";
   if (options.method != Method::xpbd) return "this solver in blocks";
   if (options.iterations != 1) return "several iterations a substep in blocks";
+  if (scene.force_hold_s > 0.0) return "forces that elements hold (accuracy_limit) in blocks";
   if (const std::string name = collective_effect(scene); !name.empty()) {
     return "effects." + name + " in blocks";
   }

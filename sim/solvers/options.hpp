@@ -1,6 +1,8 @@
 // How a scene is solved. The scene does not know it: the same scene runs under every method.
 #pragma once
 
+#include "sim/scene.hpp"
+
 namespace viscera::sim {
 
 enum class Precision { fp32, fp64 };
@@ -34,12 +36,20 @@ struct SolverOptions {
   Scheme scheme = Scheme::gauss_seidel;
   Precision precision = Precision::fp32;
   int iterations = 1;      // a substep
+  double hold = 0.0;       // XPBD: substeps over which elements hold their forces, by the scene
   double split = 4.0;      // Jacobi: the factor on A in the denominator; 1 is explicit dynamics
   int block_tets = 0;      // block Gauss-Seidel: tets a block; 0: as suits the device
   double stiffness = 1.0;  // PBD: share of a constraint's error removed by an iteration
   int threads = 0;         // 0 for all cores; results do not depend on it
   FemOptions fem;
 };
+
+// With what the scene's policy has decided.
+inline SolverOptions options_for(const Scene& scene, SolverOptions options) {
+  const bool holds = options.method == Method::xpbd && scene.force_hold_s > 0.0;
+  options.hold = holds ? scene.force_hold_s / scene.time.substep_s() : 0.0;
+  return options;
+}
 
 // TLED has no order of elements.
 inline bool in_blocks(const SolverOptions& options) {

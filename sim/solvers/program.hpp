@@ -3,7 +3,8 @@
 //
 // A substep, with d the displacement over it:
 //   begin_vertex      d = dt v
-//   rate forces       d += dt^2 M^-1 f(u, d / dt): element effects that vanish where nothing moves
+//   rate forces       d += dt^2 M^-1 f(u, d / dt): element effects that vanish where nothing moves;
+//                     where that is too little, v is solved for before (viscous_step.hpp)
 //   force effects     d += dt^2 a
 //   motion effects    d leads to where the vertex is told to be
 //   self-contact      d keeps the surface off itself
@@ -24,6 +25,7 @@
 #include "sim/regions.hpp"
 #include "sim/scene.hpp"
 #include "sim/solvers/arithmetic.hpp"
+#include "sim/solvers/viscous_step.hpp"
 #include "sim/state.hpp"
 #include "sim/surface_pairs.hpp"
 
@@ -132,6 +134,30 @@ void load_memory(Slots& slots, const State& state, Member... member) {
       slots, [&]<class Effect>(auto& own) { own.load_memory(memory, member...); });
 }
 
+// Likewise of the forces that they hold, and their sum by vertex, [n] m over a substep.
+template <class Slots, class T>
+void save_held(const Slots& slots, const std::vector<Vec3<T>>& by_vertex, State& state) {
+  for_each_slot<EffectKind::element>(
+      slots, [&]<class Effect>(const auto& own) { own.save_held(state.held); });
+  for (const auto& sum : by_vertex) {
+    state.held.insert(state.held.end(), {static_cast<double>(sum.x), static_cast<double>(sum.y),
+                                         static_cast<double>(sum.z)});
+  }
+}
+template <class Slots, class T>
+std::vector<Vec3<T>> load_held(Slots& slots, const State& state, std::size_t vertices,
+                               std::size_t numbers) {
+  // Of another run, whose effects are not these, it stands for nothing.
+  std::span<const double> held = state.held;
+  if (held.size() != numbers + 3 * vertices) held = {};
+  for_each_slot<EffectKind::element>(slots, [&]<class Effect>(auto& own) { own.load_held(held); });
+  std::vector<Vec3<T>> by_vertex(vertices);
+  for (std::size_t i = 0; i < vertices && !held.empty(); ++i) {
+    by_vertex[i] = cast<T>(Vec3<double>{held[3 * i], held[3 * i + 1], held[3 * i + 2]});
+  }
+  return by_vertex;
+}
+
 template <class T>
 struct Program {
   template <class Effect>
@@ -143,9 +169,13 @@ struct Program {
   Vec3<double> origin;  // of the model, m
   double dt;            // s
   int substeps;
+  ViscousStep viscous_step;  // where damping is solved for: rate forces are not lowered
 
-  Program(const Model& model, const Scene& scene)
-      : origin(model.origin), dt(scene.time.substep_s()), substeps(scene.time.substeps) {
+  Program(const Model& model, const Scene& scene, ViscousStep damping = {})
+      : origin(model.origin),
+        dt(scene.time.substep_s()),
+        substeps(scene.time.substeps),
+        viscous_step(damping) {
     for (std::size_t i = 0; i < model.vertex_count(); ++i) {
       rest.push_back(cast<T>(model.rest[i]));
       inverse_mass.push_back(model.fixed[i] ? T(0) : static_cast<T>(1.0 / model.mass[i]));
@@ -155,6 +185,14 @@ struct Program {
         std::get<i>(effects).emplace_back(model, params, dt);
       }
     });
+    if (viscous_step) {
+      for_each_slot<EffectKind::element>(effects, [&model]<class Effect>(auto& own) {
+        if constexpr (is_rate_force<Effect>) {
+          for (std::size_t e = 0; e < own.rest.size(); ++e)
+            Effect::solve_for(model, e, own.rest[e]);
+        }
+      });
+    }
     for_each_slot<EffectKind::motion>(effects, [this]<class Effect>(const auto& motion) {
       for (const int v : motion.vertices) inverse_mass[v] = T(0);
     });
@@ -177,6 +215,7 @@ struct Program {
       auto &own = std::get<i>(effects), &other = std::get<i>(tuned.effects);
       std::move(other.begin(), other.end(), own.begin());
     });
+    viscous_step = tuned.viscous_step;
   }
 
   // Leads what a hand leads to where another setting of the same scene has it.
@@ -191,6 +230,15 @@ struct Program {
         }
       }
     });
+  }
+
+  // Numbers that the elements of all effects hold.
+  std::size_t held_numbers() const {
+    std::size_t count = 0;
+    for_each_slot<EffectKind::element>(effects, [&count]<class Effect>(const auto& own) {
+      count += own.vertices.size() * held_by<Effect>;
+    });
+    return count;
   }
 
   // The substep that follows `done` substeps.

@@ -49,7 +49,14 @@ class Solver {
     return sim::diagnose(model, scene, state);
   }
   virtual std::size_t contact_count() const = 0;  // vertices in contact at the end of the frame
-  virtual std::string device() const = 0;         // "cpu, 2 threads", "cuda, NVIDIA H200"
+  // Whether all of the damping acts, by steps of its own (viscous_step.hpp); otherwise a stable
+  // share of it does, as an explicit force, or it is part of an implicit solver's forces.
+  virtual bool solves_damping() const { return false; }
+  // N, summed up over the vertices: by how much the last substep has changed the forces that
+  // elements hold. It vanishes where the body rests as its law says (held_forces.hpp); 0 where none
+  // are held.
+  virtual double unsettled_force() const { return 0.0; }
+  virtual std::string device() const = 0;  // "cpu, 2 threads", "cuda, NVIDIA H200"
   // Whether a frame leaves the host's cores to others.
   virtual bool off_host() const { return false; }
   // Zeros where it is not counted.

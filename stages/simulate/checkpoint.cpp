@@ -13,6 +13,7 @@ using namespace hdf5;
 namespace {
 
 constexpr const char* carried = "/carried";  // of runs in blocks
+constexpr const char* held = "/held";        // of runs whose elements hold their forces
 
 void write_reals(const Handle& file, const fs::path& path, const char* name,
                  std::initializer_list<hsize_t> shape, const void* data) {
@@ -51,6 +52,7 @@ void write_checkpoint(const fs::path& path, const sim::State& state, double subs
   if (!state.carried.empty()) {
     write_reals(file, path, carried, {state.carried.size(), 3}, state.carried.data());
   }
+  if (!state.held.empty()) write_reals(file, path, held, {state.held.size()}, state.held.data());
   write_dataset(file, path, "/step", H5T_STD_U64LE, H5T_NATIVE_UINT64, {1}, &state.step);
   write_reals(file, path, "/substep", {1}, &substep_s);
   if (!file.reset()) throw write_error(path, "file");
@@ -72,6 +74,7 @@ sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim
   if (H5Lexists(file.id(), carried, H5P_DEFAULT) > 0) {
     state.carried = read_vectors(file, path, carried, 0);
   }
+  if (H5Lexists(file.id(), held, H5P_DEFAULT) > 0) state.held = read_reals(file, path, held, {0});
   const double reached = static_cast<double>(state.step) * substep;
   if (state.step % time.substeps != 0 || reached > time.end_s) {
     throw read_error(path, "/step", fmt::format("{}, time {:.6g} s", state.step, reached),

@@ -39,6 +39,7 @@ std::string why_diverged(const sim::State& state, const sim::Diagnostics& now, d
 struct Stepped {
   sim::State state;
   std::size_t contacts;
+  double unsettled;                       // N, Solver::unsettled_force()
   double step_s = 0.0, transfer_s = 0.0;  // wall time
 };
 
@@ -49,6 +50,7 @@ Stepped take_frame(sim::Solver& solver, bool steps) {
   timed(frame.transfer_s, [&] {
     frame.state = solver.state();
     frame.contacts = solver.contact_count();
+    frame.unsettled = solver.unsettled_force();
   });
   return frame;
 }
@@ -68,7 +70,8 @@ class RestJudge {
 
   // `now` is the state that follows those of `outcome`; `changed` says whether the schedule has
   // come to its end, `last` whether this is the run's last frame.
-  void judge(const Frame& frame, const sim::State& now, bool changed, bool last, Outcome& outcome) {
+  void judge(const Frame& frame, const sim::State& now, double unsettled, bool changed, bool last,
+             Outcome& outcome) {
     RestCourse& course = outcome.rest;
     const bool begins = outcome.frames.empty();
     const double rounding = 1e-6 * scene_.time.frame_s, time_s = frame.time_s;
@@ -83,6 +86,7 @@ class RestJudge {
     if (!outcome.before.u.empty() && (quiet || last)) {
       if (!balance_) balance_.emplace(model_, scene_);
       course.imbalance = balance_->imbalance(outcome.before, outcome.last, now, frame.now.elastic);
+      course.imbalance->residual += unsettled;
     }
     note(RestCondition::residual,
          course.imbalance &&
@@ -168,7 +172,8 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
 
     if (frame.contacts > 0 && outcome.contact_time_s < 0.0) outcome.contact_time_s = frame.time_s;
     timed(aside.diagnosis, [&] {
-      judge.judge(frame, state, setting + 1 == schedule.count(), index == last_frame, outcome);
+      judge.judge(frame, state, stepped.unsettled, setting + 1 == schedule.count(),
+                  index == last_frame, outcome);
     });
     if (frame.now.elastic > most_elastic) {
       most_elastic = frame.now.elastic;

@@ -60,9 +60,9 @@ class SceneReader {
     const YAML::Node root = load_yaml(path_);
     expect_map(root, "scene");
     change_scene(root, changes, path_);
-    check_keys(
-        root, "",
-        {"scene", "materials", "effects", "schedule", "time", "rest", "stability", "expect"});
+    check_keys(root, "",
+               {"scene", "materials", "effects", "schedule", "time", "rest", "stability",
+                "accuracy_limit", "expect"});
     if (!root["scene"] || root["scene"].Scalar() != "1") {
       throw fail(root, "scene", "missing or another version",
                  "scene: 1, the version of the schema");
@@ -72,6 +72,7 @@ class SceneReader {
     read_schedule(root["schedule"]);
     read_grid(root);
     read_stability(root["stability"]);
+    read_accuracy_limit(root["accuracy_limit"]);
     read_expect(root["expect"]);
     return std::move(file_);
   }
@@ -333,6 +334,14 @@ class SceneReader {
                  "refuse | warn | substeps | form");
     }
     file_.scene.stability = found->second;
+  }
+
+  void read_accuracy_limit(const YAML::Node& node) {
+    if (!node) return;
+    const Param limit = quantity("accuracy_limit", nullptr, "1", 1e-6, 1.0,
+                                 "what XPBD's own error at rest may be, as a share");
+    const Json given = resolve_value(limit, value(node), path_.string(), "accuracy_limit");
+    if (!given.is_null()) file_.scene.accuracy_limit = given;
   }
 
   void read_expect(const YAML::Node& node) {

@@ -62,6 +62,8 @@ Json to_json(const SceneFile& file) {
   for (const auto& [name, policy] : stability_policies()) {
     if (policy == scene.stability) json["stability"] = name;
   }
+  if (scene.accuracy_limit > 0.0) json["accuracy_limit"] = scene.accuracy_limit;
+  if (scene.force_hold_s > 0.0) json["force_hold"] = scene.force_hold_s;
   // Those that `form` has given to the corotational law.
   for (const auto& law : scene.params<sim::NeoHookean>()) {
     if (!law.taken.empty()) json["corotational_tets"] = std::ranges::count(law.taken, 1);

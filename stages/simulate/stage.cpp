@@ -14,6 +14,7 @@
 #include "pipeline/contract/log.hpp"
 #include "sim/explicit_limit.hpp"
 #include "sim/locking.hpp"
+#include "sim/solvers/viscous_step.hpp"
 #include "sim/stability.hpp"
 #include "sim/start.hpp"
 #include "stages/common/tet_io.hpp"
@@ -36,6 +37,8 @@ constexpr double m3_to_ml = 1e6;
 // Of the damping asked for: less than the first is worth a warning, less than the second is another
 // material than the scene's.
 constexpr double full_damping = 0.95, least_damping = 0.5;
+// Of the bound on the solver's error at rest, which is large on Delaunay meshes.
+constexpr double worth_a_warning = 0.1;
 
 // metrics.csv: one row a frame, every column with its unit; no times of the machine, so that equal
 // runs give equal files.
@@ -148,34 +151,51 @@ void report_locking(StageRun& run, const sim::Model& model, const sim::SolverOpt
       100.0 * locking.loss, sim::locking_from_nu);
 }
 
-// How much of the damping that the scene asks for acts at rest: on tets that are too small and
-// stiff for the substep viscosity is lowered to stay stable (effects/viscosity.hpp). Weighted by
-// eta V.
+// How much of the damping that the scene asks for acts, at rest: all of it where it is solved for.
 void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& scene,
-                      sim::Method method) {
+                      sim::Method method, const sim::Solver& solver) {
   if (!scene.has<sim::Viscosity>() || method == sim::Method::fem) return;
-  std::size_t lowered = 0;
-  double asked = 0.0, acting = 0.0;
-  for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    const double number = 3.0 * sim::Viscosity::explicit_number(model, t, scene.time.substep_s());
-    const sim::Material material = model.material(t);
-    const double own = lame(material).mu * material.damping * model.volume[t];
-    const bool is_lowered = number > sim::Viscosity::bound;
-    lowered += is_lowered;
-    asked += own;
-    acting += is_lowered ? own * sim::Viscosity::bound / number : own;
+  const auto force = sim::ExplicitDamping::of(model, scene.time.substep_s());
+  const bool solved = solver.solves_damping();
+  run.metric("viscosity_lowered", solved ? 0.0 : force.lowered);
+  run.gate("damping_acting", solved ? 1.0 : force.share, ">=", least_damping);
+  if (solved) {
+    const double every = sim::ViscousStep::of(model, scene).tau();
+    log::info(
+        "damping is solved for every {:.3g} ms and acts in full: as a force {:.1f} % of it "
+        "would be stable",
+        1e3 * every, 100.0 * force.share);
+    return;
   }
-  if (!(asked > 0.0)) return;
-  const double share = static_cast<double>(lowered) / static_cast<double>(model.tet_count());
-  const double acted = acting / asked;
-  run.metric("viscosity_lowered", share);
-  run.gate("damping_acting", acted, ">=", least_damping);
   const std::string text = fmt::format(
       "{:.1f} % of the damping that the scene asks for acts: it is lowered on {:.1f} % of "
       "the tets to stay stable",
-      100.0 * acted, 100.0 * share);
-  if (acted < full_damping) {
-    log::warn("{}; more substeps or solver fem give it in full", text);
+      100.0 * force.share, 100.0 * force.lowered);
+  if (force.share < full_damping) {
+    log::warn("{}; scheme gauss_seidel, more substeps or solver fem give it in full", text);
+  } else {
+    log::info("{}", text);
+  }
+}
+
+// How far off the solver alone may come to rest (held_forces.hpp), before the first step.
+void report_solver_error(StageRun& run, const sim::Stability& stability, const sim::Scene& scene,
+                         sim::Method method) {
+  if (method != sim::Method::xpbd) return;
+  run.metric("solver_error_bound", stability.sweep_error);
+  run.metric("sweep_number", stability.sweep_number);
+  run.metric("force_hold", scene.force_hold_s, "s");
+  if (scene.force_hold_s > 0.0) {
+    log::info(
+        "elements hold their forces for {:.3g} ms: at rest the solver has no error of its own",
+        1e3 * scene.force_hold_s);
+    return;
+  }
+  const std::string text = fmt::format(
+      "at rest the solver alone is off by {:.2g} % of the displacement at most (H {:.2g})",
+      100.0 * stability.sweep_error, stability.sweep_number);
+  if (stability.sweep_error > worth_a_warning) {
+    log::warn("{}\n  remedy:  accuracy_limit: 1 % in the scene, more substeps or solver fem", text);
   } else {
     log::info("{}", text);
   }
@@ -226,7 +246,7 @@ void simulate(StageRun& run) {
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options.method);
   report_stability(run, stability, file.scene, asked_substeps, options.method);
   report_locking(run, model, options);
-  report_viscosity(run, model, file.scene, options.method);
+  report_solver_error(run, stability, file.scene, options.method);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
 
   const auto begin = std::chrono::steady_clock::now();
@@ -234,6 +254,7 @@ void simulate(StageRun& run) {
   const std::chrono::duration<double> setup = std::chrono::steady_clock::now() - begin;
   run.machine_metric("setup_wall", setup.count(), "s");
   rehearse(schedule, model, file.scene, *solver);
+  report_viscosity(run, model, file.scene, options.method, *solver);
   run.set_device(solver->device());
   log::info("{} tets, {} vertices on {}; effects: {}", model.tet_count(), model.vertex_count(),
             solver->device(), fmt::join(effects_on(file.scene), ", "));
@@ -319,7 +340,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "6",
+           .version = "7",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

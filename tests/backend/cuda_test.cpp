@@ -217,6 +217,41 @@ TEST_F(Cuda, DampingDoesNotMoveThePlaceOfRest) {
   }
 }
 
+TEST_F(Cuda, AStiffBarIsDampedAndRestsAsByNewton) {
+  for (const Precision precision : {Precision::fp64, Precision::fp32}) {
+    const auto make = [precision](const Model& model, const Scene& scene) {
+      return make_on_cuda(model, scene, SolverOptions{.precision = precision});
+    };
+    expect_stiff_bar_is_damped_as_by_newton(make);
+    expect_rests_where_newton_does(make);
+  }
+}
+
+TEST_F(Cuda, AStiffBarMovesAsOnTheCpu) {
+  StiffBar bar({10, 3, 3}, 0.45, 0.03);
+  bar.scene.accuracy_limit = 0.01;
+  apply_policy(bar.model, bar.scene);
+  const SolverOptions options{.precision = Precision::fp64};
+  const auto cuda = make_on_cuda(bar.model, bar.scene, options);
+  const auto cpu = make_on_cpu(bar.model, bar.scene, options);
+  for (int frame = 0; frame < 30; ++frame) {
+    cuda->advance_frame();
+    cpu->advance_frame();
+  }
+  const State here = cpu->state(), there = cuda->state();
+  double difference = 0.0;
+  for (std::size_t i = 0; i < here.u.size(); ++i) {
+    difference = std::max(difference, norm(here.u[i] - there.u[i]));
+  }
+  EXPECT_LE(difference, 1e-6 * StiffBar::drop(here)) << "colours in another order";
+  // And from one to the other in the middle of a run.
+  const auto taken_up = make_on_cuda(bar.model, bar.scene, options);
+  taken_up->set_state(there);
+  taken_up->advance_frame();
+  cuda->advance_frame();
+  EXPECT_EQ(taken_up->state().hash(), cuda->state().hash());
+}
+
 TEST_F(Cuda, TwoRunsGiveTheSameBits) {
   const Model model = make_cube(8);
   for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {

@@ -1,0 +1,122 @@
+// Stiff tissue: its damping is solved for, and its elements hold their forces.
+#include "sim/solvers/held_forces.hpp"
+#include "tests/sim/loaded_bodies.hpp"
+
+namespace viscera::sim {
+namespace {
+
+MakeSolver with(SolverOptions options) {
+  options.precision = Precision::fp64;
+  return [options](const Model& model, const Scene& scene) {
+    return make_on_cpu(model, scene, options);
+  };
+}
+
+TEST(StiffBar, IsDampedAsByNewton) {
+  expect_stiff_bar_is_damped_as_by_newton(with({}));
+}
+TEST(StiffBar, IsDampedAsByNewtonInBlocks) {
+  expect_stiff_bar_is_damped_as_by_newton(
+      with({.scheme = Scheme::block_gauss_seidel, .block_tets = 60}));
+}
+TEST(StiffBar, RestsWhereNewtonDoesWhereElementsHoldTheirForces) {
+  expect_rests_where_newton_does(with({}));
+}
+TEST(StiffBar, RestsWhereNewtonDoesInBlocks) {
+  expect_rests_where_newton_does(with({.scheme = Scheme::block_gauss_seidel, .block_tets = 150}));
+}
+
+// A body that flies and tumbles: damping is an internal force.
+TEST(ViscousStep, KeepsMomentumAndLosesEnergy) {
+  const StiffBar bar({6, 2, 2}, 0.45, 0.02);
+  Scene scene = bar.scene;
+  scene.params<Gravity>().clear();
+  scene.params<Fixed>().clear();
+  const auto solver = with({})(bar.model, scene);
+  std::mt19937 generator(7);
+  State state = solver->state();
+  for (auto& v : state.v) v = random_vector(generator, 0.2) + Vec3<double>{0.3, -0.1, 0.2};
+  solver->set_state(state);
+  ASSERT_TRUE(solver->solves_damping());
+  const auto momenta = [&bar](const State& s) {
+    Vec3<double> linear, angular;
+    for (std::size_t i = 0; i < s.v.size(); ++i) {
+      linear += bar.model.mass[i] * s.v[i];
+      angular += bar.model.mass[i] * cross(bar.model.rest[i] + s.u[i], s.v[i]);
+    }
+    return std::pair{linear, angular};
+  };
+  const auto [linear, angular] = momenta(state);
+  double energy = diagnose(bar.model, scene, state).total();
+  for (int frame = 0; frame < 10; ++frame) {
+    solver->advance_frame();
+    const double now = diagnose(bar.model, scene, solver->state()).total();
+    EXPECT_LT(now, energy) << "frame " << frame;
+    energy = now;
+  }
+  const auto [linear_now, angular_now] = momenta(solver->state());
+  EXPECT_LE(norm(linear_now - linear), 1e-12 * norm(linear));
+  EXPECT_LE(norm(angular_now - angular), 2e-3 * norm(angular));  // the sweeps' own, as without
+}
+
+TEST(StiffBar, AnyNumberOfThreadsGivesTheSameBits) {
+  StiffBar bar({10, 3, 3}, 0.45, 0.03);
+  bar.scene.accuracy_limit = 0.01;
+  apply_policy(bar.model, bar.scene);
+  const auto hash_by = [&bar](int threads) {
+    const auto solver = with({.threads = threads})(bar.model, bar.scene);
+    for (int frame = 0; frame < 3; ++frame) solver->advance_frame();
+    return solver->state().hash();
+  };
+  EXPECT_EQ(hash_by(1), hash_by(3));
+}
+
+TEST(HeldForces, AreTakenUpWhereARunWasLeft) {
+  StiffBar bar({6, 2, 2}, 0.45, 0.03);
+  bar.scene.accuracy_limit = 0.01;
+  apply_policy(bar.model, bar.scene);
+  const auto whole = with({})(bar.model, bar.scene);
+  for (int frame = 0; frame < 4; ++frame) whole->advance_frame();
+  const State half = whole->state();
+  EXPECT_EQ(half.held.size(), 9 * bar.model.tet_count() + 3 * bar.model.vertex_count());
+  const auto resumed = with({})(bar.model, bar.scene);
+  resumed->set_state(half);
+  for (auto* solver : {whole.get(), resumed.get()}) solver->advance_frame();
+  EXPECT_EQ(resumed->state().hash(), whole->state().hash());
+}
+
+TEST(AccuracyLimit, RaisesTheSubstepsWithoutDampingOrRefusesWithTheirNumber) {
+  StiffBar bar({6, 2, 2}, 0.3, 0.0);
+  const int substeps = bar.scene.time.substeps;
+  const double error = SweepError::of(bar.model, bar.scene).bound;
+  bar.scene.accuracy_limit = 0.2 * error;
+  apply_policy(bar.model, bar.scene);
+  EXPECT_EQ(bar.scene.force_hold_s, 0.0);
+  EXPECT_GT(bar.scene.time.substeps, 2 * substeps);
+  EXPECT_LE(SweepError::of(bar.model, bar.scene).bound, 0.2 * error);
+  bar.scene.accuracy_limit = 1e-5;
+  try {
+    apply_policy(bar.model, bar.scene);
+    FAIL() << "not refused";
+  } catch (const Refusal& refusal) {
+    EXPECT_EQ(refusal.field, "accuracy_limit");
+    EXPECT_NE(refusal.allowed.find("substeps"), std::string::npos) << refusal.allowed;
+  }
+}
+
+// On bodies that the bound was not made with, and as sharp as it claims on Kuhn's grid.
+TEST(SweepError, IsBounded) {
+  for (const double poisson_ratio : {0.35, 0.48}) {
+    StiffBar bar({9, 2, 3}, poisson_ratio, 0.03);
+    const double bound = SweepError::of(bar.model, bar.scene).bound;
+    const double expected = StiffBar::drop(bar.at_rest());
+    const auto solver = with({})(bar.model, bar.scene);
+    for (int frame = 0; frame < 200; ++frame) solver->advance_frame();
+    const double error = StiffBar::drop(solver->state()) / expected - 1.0;
+    EXPECT_LE(std::abs(error), 1.4 * bound);
+    EXPECT_GE(std::abs(error), 0.1 * bound);
+  }
+}
+
+}  // namespace
+}  // namespace viscera::sim
