@@ -55,7 +55,7 @@ template <class T>
 class CpuSolver final : public Solver {
  public:
   CpuSolver(const Model& model, const Scene& scene, const SolverOptions& options)
-      : program_(model, scene, ViscousStep::of(model, scene)),
+      : program_(model, scene, damping_for(model, scene, options)),
         options_(options),
         layout_(model, program_, options),
         constants_(SweepConstants<T>::of(options)),
@@ -117,7 +117,7 @@ class CpuSolver final : public Solver {
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune({model, scene, ViscousStep::of(model, scene)});
+    program_.retune({model, scene, damping_for(model, scene, options_)});
     prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
       auto& own = std::get<i>(own_);

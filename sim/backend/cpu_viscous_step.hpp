@@ -7,7 +7,7 @@
 #include "sim/range.hpp"
 #include "sim/row.hpp"
 #include "sim/solvers/arithmetic.hpp"
-#include "sim/solvers/viscous_step.hpp"
+#include "sim/solvers/damping_choice.hpp"
 
 namespace viscera::sim {
 
@@ -18,6 +18,7 @@ class CpuViscousStep {
   explicit CpuViscousStep(const std::vector<T>& inverse_mass)
       : n_(static_cast<int>(inverse_mass.size())),
         mass_(n_),
+        change_(n_),
         r_(n_),
         p_(n_),
         q_(n_),
@@ -31,7 +32,10 @@ class CpuViscousStep {
   void apply(Team& team, int rank, std::vector<Vec3<T>>& v, Decay&& decay) {
     const Range mine = part_of({0, n_}, rank, team.size());
     decay(Arithmetic::in_full, v, r_);
-    for (int i = mine.begin; i < mine.end; ++i) p_[i] = r_[i];
+    for (int i = mine.begin; i < mine.end; ++i) {
+      p_[i] = r_[i];
+      change_[i] = {};
+    }
     double rr = inner(team, rank, r_, r_);
     const double enough = rr * ViscousStep::tolerance * ViscousStep::tolerance;
     for (int k = 0; k < ViscousStep::most_iterations && rr > enough; ++k) {
@@ -39,7 +43,7 @@ class CpuViscousStep {
       for (int i = mine.begin; i < mine.end; ++i) q_[i] = p_[i] - q_[i];
       const T alpha = static_cast<T>(rr / inner(team, rank, p_, q_));
       for (int i = mine.begin; i < mine.end; ++i) {
-        v[i] += alpha * p_[i];
+        change_[i] += alpha * p_[i];
         r_[i] -= alpha * q_[i];
       }
       const double left = inner(team, rank, r_, r_);
@@ -47,6 +51,10 @@ class CpuViscousStep {
       for (int i = mine.begin; i < mine.end; ++i) p_[i] = r_[i] + beta * p_[i];
       rr = left;
     }
+    const double against = -inner(team, rank, v, change_),
+                 size = inner(team, rank, change_, change_);
+    const T taken = static_cast<T>(share_that_loses_energy(against, size));
+    for (int i = mine.begin; i < mine.end; ++i) v[i] += taken * change_[i];
     team.barrier();
   }
 
@@ -71,9 +79,9 @@ class CpuViscousStep {
   }
 
   int n_;
-  std::vector<double> mass_;        // [n] kg, 0 for vertices that no force moves
-  std::vector<Vec3<T>> r_, p_, q_;  // [n] m/s
-  std::vector<double> sums_;        // [chunks] J
+  std::vector<double> mass_;                 // [n] kg, 0 for vertices that no force moves
+  std::vector<Vec3<T>> change_, r_, p_, q_;  // [n] m/s
+  std::vector<double> sums_;                 // [chunks] J
 };
 
 }  // namespace viscera::sim

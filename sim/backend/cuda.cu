@@ -149,7 +149,7 @@ template <class T>
 class CudaSolver final : public Solver {
  public:
   CudaSolver(const Model& model, const Scene& scene, const SolverOptions& options, std::string name)
-      : CudaSolver(Program<T>(model, scene, ViscousStep::of(model, scene)),
+      : CudaSolver(Program<T>(model, scene, damping_for(model, scene, options)),
                    BoundedTets<T>(model, scene, options.method), options, std::move(name)) {}
 
   void advance_frame() override {
@@ -183,7 +183,7 @@ class CudaSolver final : public Solver {
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune({model, scene, ViscousStep::of(model, scene)});
+    program_.retune({model, scene, damping_for(model, scene, options_)});
     prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
       auto& own = std::get<i>(effects_);

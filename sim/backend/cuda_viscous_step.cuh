@@ -7,7 +7,7 @@
 
 #include "sim/backend/cuda_kernels.cuh"
 #include "sim/backend/cuda_memory.cuh"
-#include "sim/solvers/viscous_step.hpp"
+#include "sim/solvers/damping_choice.hpp"
 
 namespace viscera::sim {
 
@@ -70,11 +70,11 @@ __global__ void complete_product(int n, const Vec3<T>* p, Vec3<T>* q) {
 }
 template <class T>
 __global__ void descend(int n, const T* w, const DampingSums* sums, const Vec3<T>* p,
-                        const Vec3<T>* q, Vec3<T>* v, Vec3<T>* r) {
+                        const Vec3<T>* q, Vec3<T>* change, Vec3<T>* r) {
   const int i = global_thread();
   if (i >= n || !(w[i] > T(0)) || !(sums->rr > sums->enough)) return;
   const T alpha = static_cast<T>(sums->rr / sums->pq);
-  v[i] += alpha * p[i];
+  change[i] += alpha * p[i];
   r[i] -= alpha * q[i];
 }
 template <class T>
@@ -87,12 +87,20 @@ static __global__ void end_iteration(DampingSums* sums) {
   if (sums->rr > sums->enough) sums->rr = sums->left;
 }
 
+// With <v, change> in pq and <change, change> in left.
+template <class T>
+__global__ void take_change(int n, const DampingSums* sums, const Vec3<T>* change, Vec3<T>* v) {
+  const int i = global_thread();
+  if (i < n) v[i] += static_cast<T>(share_that_loses_energy(-sums->pq, sums->left)) * change[i];
+}
+
 template <class T>
 class CudaViscousStep {
  public:
   CudaViscousStep(int vertices, const T* inverse_mass)
       : n_(vertices),
         w_(inverse_mass),
+        change_(vertices),
         r_(vertices),
         p_(vertices),
         q_(vertices),
@@ -106,11 +114,12 @@ class CudaViscousStep {
     DampingSums* const sums = sums_.get();
     begin_ = Graph(stream, [&] {
       clear(stream, r_);
+      clear(stream, change_);
       enqueue_decay(Arithmetic::in_full, v, r_.get());
       check(cudaMemcpyAsync(p_.get(), r_.get(), n_ * sizeof(Vec3<T>), cudaMemcpyDeviceToDevice,
                             stream),
             "copying");
-      enqueue_inner(stream, r_, r_, &sums->rr);
+      enqueue_inner(stream, r_.get(), r_.get(), &sums->rr);
       begin_sums<<<1, 1, 0, stream>>>(sums);
     });
     iterate_ = Graph(stream, [&] {
@@ -118,13 +127,18 @@ class CudaViscousStep {
         clear(stream, q_);
         enqueue_decay(Arithmetic::resisted, p_.get(), q_.get());
         complete_product<T><<<blocks(), block_size, 0, stream>>>(n_, p_.get(), q_.get());
-        enqueue_inner(stream, p_, q_, &sums->pq);
-        descend<T>
-            <<<blocks(), block_size, 0, stream>>>(n_, w_, sums, p_.get(), q_.get(), v, r_.get());
-        enqueue_inner(stream, r_, r_, &sums->left);
+        enqueue_inner(stream, p_.get(), q_.get(), &sums->pq);
+        descend<T><<<blocks(), block_size, 0, stream>>>(n_, w_, sums, p_.get(), q_.get(),
+                                                        change_.get(), r_.get());
+        enqueue_inner(stream, r_.get(), r_.get(), &sums->left);
         turn<T><<<blocks(), block_size, 0, stream>>>(n_, w_, sums, r_.get(), p_.get());
         end_iteration<<<1, 1, 0, stream>>>(sums);
       }
+    });
+    end_ = Graph(stream, [&] {
+      enqueue_inner(stream, v, change_.get(), &sums->pq);
+      enqueue_inner(stream, change_.get(), change_.get(), &sums->left);
+      take_change<T><<<blocks(), block_size, 0, stream>>>(n_, sums, change_.get(), v);
     });
   }
 
@@ -134,11 +148,12 @@ class CudaViscousStep {
       iterate_.launch(stream, "launching a step of damping");
       stream.finish("running a step of damping");
       const DampingSums sums = sums_.download()[0];
-      if (!(sums.rr > sums.enough)) return;
+      if (!(sums.rr > sums.enough)) break;
     }
+    end_.launch(stream, "launching a step of damping");
   }
 
-  static std::size_t bytes(std::size_t vertices) { return vertices * 3 * sizeof(Vec3<T>); }
+  static std::size_t bytes(std::size_t vertices) { return vertices * 4 * sizeof(Vec3<T>); }
 
  private:
   static constexpr int at_once = 8;
@@ -147,18 +162,17 @@ class CudaViscousStep {
   void clear(cudaStream_t stream, DeviceArray<Vec3<T>>& field) {
     check(cudaMemsetAsync(field.get(), 0, n_ * sizeof(Vec3<T>), stream), "clearing");
   }
-  void enqueue_inner(cudaStream_t stream, const DeviceArray<Vec3<T>>& a,
-                     const DeviceArray<Vec3<T>>& b, double* total) {
-    inner_parts<T><<<blocks(), block_size, 0, stream>>>(n_, w_, a.get(), b.get(), parts_.get());
+  void enqueue_inner(cudaStream_t stream, const Vec3<T>* a, const Vec3<T>* b, double* total) {
+    inner_parts<T><<<blocks(), block_size, 0, stream>>>(n_, w_, a, b, parts_.get());
     inner_total<<<1, block_size, 0, stream>>>(blocks(), parts_.get(), total);
   }
 
   int n_;
-  const T* w_;                      // [n] 1/kg, 0 for vertices that no force moves
-  DeviceArray<Vec3<T>> r_, p_, q_;  // [n] m/s
+  const T* w_;                               // [n] 1/kg, 0 for vertices that no force moves
+  DeviceArray<Vec3<T>> change_, r_, p_, q_;  // [n] m/s
   DeviceArray<double> parts_;
   DeviceArray<DampingSums> sums_;
-  Graph begin_, iterate_;
+  Graph begin_, iterate_, end_;
 };
 
 }  // namespace viscera::sim

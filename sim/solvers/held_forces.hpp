@@ -89,13 +89,17 @@ inline double time_to_hold(const Model& model, const Scene& scene, double sweep_
   constexpr double margin = 3.0;
   const double infinite = std::numeric_limits<double>::infinity();
   if (!scene.has<Viscosity>()) return infinite;
-  double damping = 0.0, volume = 0.0;
+  // As if all of the body were its softest and least damped tissue: slower than any mode of it.
+  double damping = infinite, softest = infinite, modulus = 0.0, volume = 0.0;
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    damping += model.material(t).damping * model.volume[t];
+    const Material material = model.material(t);
+    damping = std::min(damping, material.damping);
+    softest = std::min(softest, material.youngs_modulus);
+    modulus += model.volume[t] * material.youngs_modulus;
     volume += model.volume[t];
   }
-  const double frequency = slowest_frequency(model);
-  const double rate = damping / volume * frequency * frequency;
+  const double mean = slowest_frequency(model);
+  const double rate = damping * mean * mean * softest / (modulus / volume);
   return rate > 0.0 ? margin * sweep_error / rate : infinite;
 }
 

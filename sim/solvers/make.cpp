@@ -8,7 +8,7 @@ namespace viscera::sim {
 
 namespace {
 
-void refuse(const char* field, const std::string& found, const char* allowed) {
+void refuse(const char* field, const std::string& found, const std::string& allowed) {
   throw Refusal(Refusal::Cause::scene, field, found, allowed);
 }
 
@@ -37,9 +37,14 @@ void check_options(const Scene& scene, const SolverOptions& options) {
   if (!(options.stiffness >= 0.0 && options.stiffness <= 1.0)) {
     refuse("stiffness", std::to_string(options.stiffness), "0 to 1");
   }
-  if (options.method == Method::xpbd && options.iterations != 1 && scene.force_hold_s > 0.0) {
-    refuse("iterations", std::to_string(options.iterations),
-           "1 with accuracy_limit, for which elements hold their forces");
+  if (options.method == Method::xpbd && scene.force_hold_s > 0.0) {
+    constexpr const char* why = " with accuracy_limit, for which elements hold their forces";
+    if (options.iterations != 1) {
+      refuse("iterations", std::to_string(options.iterations), std::string("1").append(why));
+    }
+    if (options.scheme == Scheme::jacobi) {
+      refuse("scheme", "jacobi", std::string("gauss_seidel or block_gauss_seidel").append(why));
+    }
   }
   if (options.method == Method::tled && options.iterations != 1) {
     refuse("iterations", std::to_string(options.iterations), "1: TLED is explicit");

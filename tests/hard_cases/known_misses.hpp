@@ -30,6 +30,9 @@ inline const std::vector<KnownMiss> known_misses = [] {
       {"stiffness jump 1e2", "xpbd gauss_seidel", "", 1.46},
       {"stiffness jump 1e2", "xpbd block_gauss_seidel", "", 1.46},
       {"stiffness jump 1e2", "xpbd jacobi, split 4", "", 11.1},
+      // Held forces settle within seconds there (T .3 s, times what a sweep alone is off).
+      {"slender bar of 264 kPa, ν 0.499, accuracy_limit 1 %", "xpbd gauss_seidel", "", 38.9},
+      {"slender bar of 264 kPa, ν 0.499, accuracy_limit 1 %", "xpbd block_gauss_seidel", "", 128},
       {"mass ratio 1e4", "xpbd gauss_seidel", "", 9.92},
       // In blocks by where their borders lie: 18.9 when they were pieces of a Morton curve.
       {"mass ratio 1e4", "xpbd block_gauss_seidel", "", 22.0},

@@ -148,6 +148,7 @@ inline void expect_rests_where_newton_does(const MakeSolver& make) {
     solver->advance_frame();
     const double at_first = solver->unsettled_force();
     for (int frame = 0; frame < 240; ++frame) solver->advance_frame();
+    EXPECT_EQ(at_first > 0.0, bar.scene.force_hold_s > 0.0);
     EXPECT_LE(solver->unsettled_force(), 1e-2 * at_first);
     return StiffBar::drop(solver->state());
   };

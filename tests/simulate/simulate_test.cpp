@@ -257,7 +257,7 @@ stability: refuse
   // Not 0: TLED has no bound on compression, and tets at the held corners turn inside out at every
   // step, which is a gate's to say.
   EXPECT_NE(manifest().exit, ExitCode::diverged) << errors;
-  EXPECT_GT(substeps, 12) << "the run that needs more was not ended";
+  EXPECT_GT(substeps, 12) << "the run that needs more was not ended: " << errors;
 }
 
 TEST_F(Simulate, TheStabilityPolicyRefusesOrRaisesTheSubsteps) {
@@ -270,12 +270,25 @@ TEST_F(Simulate, TheStabilityPolicyRefusesOrRaisesTheSubsteps) {
   EXPECT_LE(metric("stability_Cs_max").get<double>(), 0.6);
 }
 
-// A body of 5 MPa takes a hundredth of its damping at these substeps: another material than asked
-// for.
-TEST_F(Simulate, DampingThatHardlyActsFailsAGate) {
+// A body of 5 MPa could take a hundredth of its damping at these substeps as a force.
+TEST_F(Simulate, DampingOfStiffTissueActsInFull) {
   const auto stiff = with(drop_scene, "E: 5 kPa", "E: 5 MPa") + "stability: substeps\n";
-  EXPECT_EQ(run(stiff, {"--set", "end=0.05s"}), 5) << errors;
-  EXPECT_NE(errors.find("damping_acting"), std::string::npos) << errors;
+  EXPECT_EQ(run(stiff, {"--set", "end=0.05s"}), 0) << errors;
+  ASSERT_EQ(manifest().gates.front().name, "damping_acting");
+  EXPECT_EQ(manifest().gates.front().value, 1.0);
+  EXPECT_NE(errors.find("damping is solved for every"), std::string::npos) << errors;
+}
+
+TEST_F(Simulate, AnAccuracyLimitLetsElementsHoldTheirForcesAndIsRefusedWhereNothingHelps) {
+  const auto held = with(drop_scene, "E: 5 kPa", "E: 264 kPa") + "accuracy_limit: 1 %\n";
+  EXPECT_EQ(run(held, {"--set", "end=0.05s"}), 0) << errors;
+  EXPECT_GT(metric("force_hold").get<double>(), 0.0);
+  EXPECT_EQ(metric("solver_error_bound"), 0.0);
+  EXPECT_NE(errors.find("elements hold their forces"), std::string::npos) << errors;
+  const auto undamped = with(held, "damping: 20 ms", "damping: 0 s");
+  EXPECT_EQ(run(undamped, {"--set", "end=0.05s"}), 3) << errors;
+  EXPECT_NE(errors.find("accuracy_limit"), std::string::npos) << errors;
+  EXPECT_EQ(run(with(held, "1 %", "0 %"), {"--set", "end=0.05s"}), 3) << errors;
 }
 
 TEST_F(Simulate, ASolverPrintsTheStabilityNumbersOfItsOwnMethodOnly) {

@@ -1,0 +1,26 @@
+// Who solves for damping (viscous_step.hpp) and who lets it act as a force.
+#pragma once
+
+#include "sim/solvers/options.hpp"
+#include "sim/solvers/viscous_step.hpp"
+
+namespace viscera::sim {
+
+// XPBD by Gauss-Seidel. The other schemes do not damp the fastest modes, which what resists a
+// change of volume feeds: TLED's bars of nu .49 flew apart. They take damping as a force, lowered
+// where it is too strong for their substeps.
+inline ViscousStep damping_for(const Model& model, const Scene& scene,
+                               const SolverOptions& options) {
+  const bool solves = options.method == Method::xpbd && options.scheme != Scheme::jacobi;
+  return solves ? ViscousStep::of(model, scene) : ViscousStep{};
+}
+
+// How much of a change of the velocities to take, so that kinetic energy falls: `against` is -<v,
+// change>, `size` <change, change>. What resists a change of volume could else turn motion that is
+// slowed into other that is not. All of it, nearly always.
+SIM_HD double share_that_loses_energy(double against, double size) {
+  if (!(against > 0.0)) return 0.0;
+  return against < size ? against / size : 1.0;
+}
+
+}  // namespace viscera::sim
