@@ -118,18 +118,10 @@ class CpuSolver final : public Solver {
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
     program_.retune({model, scene, damping_for(model, scene, options_)});
-    prepare_damping();
+    const bool relaid = layout_.solves_damping != static_cast<bool>(program_.viscous_step);
+    if (relaid) prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      auto& own = std::get<i>(own_);
-      const auto& effects = std::get<i>(program_.effects);
-      for (std::size_t k = 0; k < effects.size(); ++k) {
-        if constexpr (is_rate_force<Effect>) {
-          own[k] =
-              Slot<Effect>(effects[k], layout_);  // solved for or not, it is laid out otherwise
-        } else {
-          own[k].retune(effects[k]);
-        }
-      }
+      retune_all<Effect>(std::get<i>(own_), std::get<i>(program_.effects), layout_, relaid);
     });
   }
   void steer(const Scene& scene) override {

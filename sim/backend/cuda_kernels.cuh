@@ -81,14 +81,20 @@ __global__ void solve_elements(int first, int last, ElementView<Effect, T> own, 
   }
 }
 
+// The sum of a vertex's impulses, in a fixed order.
+template <class T>
+__device__ Vec3<T> impulse_on(int vertex, const int* begin, const int* slots,
+                              const Vec3<T>* impulses) {
+  Vec3<T> sum;
+  for (int k = begin[vertex]; k < begin[vertex + 1]; ++k) sum += impulses[slots[k]];
+  return sum;
+}
+
 template <class T>
 __global__ void gather_impulses(int n, const int* begin, const int* slots, const Vec3<T>* impulses,
                                 const T* w, T dt, Vec3<T>* d) {
   const int i = global_thread();
-  if (i >= n) return;
-  Vec3<T> sum;
-  for (int k = begin[i]; k < begin[i + 1]; ++k) sum += impulses[slots[k]];
-  d[i] += (w[i] * (dt * dt)) * sum;
+  if (i < n) d[i] += (w[i] * (dt * dt)) * impulse_on(i, begin, slots, impulses);
 }
 
 // The forces that the elements hold, before a sweep, which adds to them, and what it has added.

@@ -27,10 +27,7 @@ template <class T>
 __global__ void add_decay(int n, const int* begin, const int* slots, const Vec3<T>* impulses,
                           const T* w, T tau, Vec3<T>* out) {
   const int i = global_thread();
-  if (i >= n) return;
-  Vec3<T> sum;
-  for (int k = begin[i]; k < begin[i + 1]; ++k) sum += impulses[slots[k]];
-  out[i] += (tau * w[i]) * sum;
+  if (i < n) out[i] += (tau * w[i]) * impulse_on(i, begin, slots, impulses);
 }
 
 // A block's part of sum m a . b

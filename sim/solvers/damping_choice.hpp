@@ -1,6 +1,8 @@
 // Who solves for damping (viscous_step.hpp) and who lets it act as a force.
 #pragma once
 
+#include <vector>
+
 #include "sim/solvers/options.hpp"
 #include "sim/solvers/viscous_step.hpp"
 
@@ -13,6 +15,22 @@ inline ViscousStep damping_for(const Model& model, const Scene& scene,
                                const SolverOptions& options) {
   const bool solves = options.method == Method::xpbd && options.scheme != Scheme::jacobi;
   return solves ? ViscousStep::of(model, scene) : ViscousStep{};
+}
+
+// What a backend keeps of an effect takes over its new numbers, where it lies; where damping is
+// from now on solved for, or no longer (`relaid`), rate forces are laid out anew.
+template <class Effect, class Own, class Host, class Layout>
+void retune_all(std::vector<Own>& own, const std::vector<Host>& effects, const Layout& layout,
+                bool relaid) {
+  for (std::size_t k = 0; k < effects.size(); ++k) {
+    if constexpr (is_rate_force<Effect>) {
+      if (relaid) {
+        own[k] = Own(effects[k], layout);
+        continue;
+      }
+    }
+    own[k].retune(effects[k]);
+  }
 }
 
 // How much of a change of the velocities to take, so that kinetic energy falls: `against` is -<v,
