@@ -15,15 +15,6 @@ namespace viscera::sim {
 
 using VertexField = std::vector<Vec3<double>>;
 
-// Element effects that act from outside.
-template <class Effect>
-inline constexpr bool is_load = [] {
-  if constexpr (Effect::kind == EffectKind::element) {
-    return !is_constraint<Effect> && !needs_rate<Effect>;
-  }
-  return false;
-}();
-
 // One element at displacements u, and d over a substep; `memory` is what an effect with a history
 // keeps of it.
 template <class Effect>

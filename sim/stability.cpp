@@ -8,6 +8,7 @@
 
 #include "sim/refusal.hpp"
 #include "sim/solvers/held_forces.hpp"
+#include "sim/solvers/time_rule.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -83,7 +84,8 @@ bool acts_on_regions(const Scene& scene) {
 void keep_accuracy(const Model& model, Scene& scene) {
   const double limit = scene.accuracy_limit;
   if (!(limit > 0.0) || scene.stability == StabilityPolicy::warn) return;
-  const SweepError error = SweepError::of(model, scene);
+  const SweepError error =
+      SweepError::of(model, acting_time(scene.time.substep_s(), scene.time.order));
   if (error.bound <= limit) return;
   const double hold_s = time_to_hold(model, scene, error.bound);
   const double more = SweepError::more_substeps(error.number, limit);
@@ -114,7 +116,8 @@ double squared_gradients(const Mat3<double>& rest_inverse) {
   return shape_of(rest_inverse).spread;
 }
 
-Stability assess(const Model& model, const Scene& scene, Method method) {
+Stability assess(const Model& model, const Scene& scene, const SolverOptions& options) {
+  const Method method = options.method;
   Stability result;
   StabilityLimit cs = {"Cs", 0.0, cs_limit, 0};
   result.altitude_min = std::numeric_limits<double>::infinity();
@@ -138,7 +141,7 @@ Stability assess(const Model& model, const Scene& scene, Method method) {
   result.limit = cs;
   if (method == Method::fem) result.limit = {"none", 0.0, 1.0, 0};
   if (method == Method::xpbd) {
-    const SweepError error = SweepError::of(model, scene);
+    const SweepError error = SweepError::of(model, acting_time(dt, order_of(scene, options)));
     result.sweep_number = error.number;
     result.sweep_error = scene.force_hold_s > 0.0 ? 0.0 : error.bound;
   }
@@ -153,10 +156,12 @@ Stability assess(const Model& model, const Scene& scene, Method method) {
   return result;
 }
 
-Stability apply_policy(const Model& model, Scene& scene, Method method) {
+Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& options) {
+  const Method method = options.method;
+  scene.time.order = order_of(scene, options);
   if (method == Method::xpbd) keep_accuracy(model, scene);
   if (scene.stability == StabilityPolicy::form && method == Method::xpbd) switch_form(model, scene);
-  const Stability first = assess(model, scene, method);
+  const Stability first = assess(model, scene, options);
   const StabilityLimit& limit = first.limit;
   if (limit.value <= limit.at_most) return first;
   if (scene.stability == StabilityPolicy::warn) return first;
@@ -171,7 +176,7 @@ Stability apply_policy(const Model& model, Scene& scene, Method method) {
                   "raise time.substeps, soften the material, or mesh without slivers");
   }
   scene.time.substeps = static_cast<int>(needed);
-  return assess(model, scene, method);
+  return assess(model, scene, options);
 }
 
 }  // namespace viscera::sim

@@ -59,7 +59,7 @@ struct Stability {
 // sum |g_i|^2 of a tet with this B, 1/m2.
 double squared_gradients(const Mat3<double>& rest_inverse);
 
-Stability assess(const Model& model, const Scene& scene, Method method = Method::xpbd);
+Stability assess(const Model& model, const Scene& scene, const SolverOptions& options = {});
 
 // Follows scene.accuracy_limit first: where XPBD's error at rest may be larger, elements hold their
 // forces (not under the policy `refuse`), or else the substeps are raised, to four times as many at
@@ -68,6 +68,6 @@ Stability assess(const Model& model, const Scene& scene, Method method = Method:
 // form does not help, as of Prony branches and under TLED, `form` raises the substeps. Implicit
 // finite elements have no limit. Returns the assessment of the grid that will be used. Once more on
 // the same scene, with other materials, it adds to what it did.
-Stability apply_policy(const Model& model, Scene& scene, Method method = Method::xpbd);
+Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& options = {});
 
 }  // namespace viscera::sim

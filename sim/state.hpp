@@ -22,6 +22,9 @@ struct State {
   std::vector<Vec3<double>> u;  // [n] m
   std::vector<Vec3<double>> v;  // [n] m/s
   std::uint64_t step = 0;       // substeps done: time is step * dt
+  // [n] m and m/s, what the last substep has added to u and v. Empty stands for what forces from
+  // outside alone would have added.
+  std::vector<Vec3<double>> added_u = {}, added_v = {};
   // What effects with a history keep (Prony's viscous strains), in the order of the registry and of
   // their elements. Empty stands for a virgin material.
   std::vector<double> memory = {};
@@ -34,6 +37,8 @@ struct State {
   // nothing.
   std::vector<double> held = {};
 
+  // For a state whose u or v are changed, or whose substep: what was added does not belong to them.
+  void forget_added() { added_u.clear(), added_v.clear(); }
   // The offsets that `copies` of a layout carry.
   template <class T>
   std::vector<Vec3<T>> carried_by(std::size_t copies) const {

@@ -175,6 +175,18 @@ struct BlockVertices {
   int several;  // the first copies: those of vertices with several, here or elsewhere
 };
 
+// A fixed vertex has inverse mass 0 and stays where it is.
+template <class T>
+SIM_HD Vec3<T> begin_vertex(T w, const Vec3<T>& v, T dt) {
+  return w > T(0) ? dt * v : Vec3<T>{};
+}
+// To first order (order_of in solvers/options.hpp says why).
+template <class T>
+SIM_HD void end_vertex(const Vec3<T>& d, T dt, Vec3<T>& u, Vec3<T>& v) {
+  u += d;
+  v = (T(1) / dt) * d;
+}
+
 // One of them, as it is worked on between two sweeps: read once.
 template <class T>
 struct VertexNow {

@@ -55,19 +55,20 @@ template <class T>
 class CpuSolver final : public Solver {
  public:
   CpuSolver(const Model& model, const Scene& scene, const SolverOptions& options)
-      : program_(model, scene, damping_for(model, scene, options)),
+      : program_(program_for(model, scene, options)),
         options_(options),
+        rule_(program_.rule),
         layout_(model, program_, options),
         constants_(SweepConstants<T>::of(options)),
         team_(thread_count(options.threads, model)),
         paced_(options.threads == 0 && team_.most() > 1),
-        volume_bound_({model, scene, options.method}, team_.most()),
+        volume_bound_({model, scene, options.method}, team_.most(),
+                      static_cast<int>(model.vertex_count())),
         n_(layout_.vertices),
         u_(n_),
         d_(n_),
         v_(n_) {
-    const T dt = static_cast<T>(program_.dt);
-    for (int i = 0; i < n_; ++i) d_[i].w = program_.inverse_mass[i] * (dt * dt);
+    set_mobility({0, n_}, rule_.acts);
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& effect : std::get<i>(program_.effects)) {
         std::get<i>(own_).emplace_back(effect, layout_);
@@ -75,12 +76,15 @@ class CpuSolver final : public Solver {
     });
     if (layout_.holds) held_.resize(n_), added_.resize(n_);
     prepare_damping();
+    const std::vector<Vec3<double>> still(n_);
+    last_ = program_.added_before({still, still});
     // Multipliers of several iterations, and the projections of PBD, are no forces to carry on.
     const bool carries = arithmetic_of(options, 0) == Arithmetic::xpbd_only;
     if (layout_.split) copies_.emplace(*layout_.split, carries);
   }
 
   void advance_frame() override {
+    rule_ = volume_bound_.acts() ? program_.rule : program_.rule.to_first_order();
     for (int left = program_.substeps; left > 0;) {
       const Pace::Stretch stretch = paced_ ? pace_.next(left) : Pace::Stretch{left, false};
       const auto begin = Clock::now();
@@ -102,11 +106,13 @@ class CpuSolver final : public Solver {
     save_memory(own_, state);
     if (layout_.holds) save_held(own_, held_, state);
     if (copies_) copies_->save(state);
+    program_.save_added(last_, state);
     return state;
   }
   void set_state(const State& state) override {
     for (int i = 0; i < n_; ++i) u_[i].v = cast<T>(state.u[i]);
     v_ = cast_all<T>(state.v);
+    last_ = program_.added_before(state);
     step_ = state.step;
     volume_bound_.begin_at(state);
     load_memory(own_, state);
@@ -117,7 +123,7 @@ class CpuSolver final : public Solver {
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune({model, scene, damping_for(model, scene, options_)});
+    program_.retune(program_for(model, scene, options_));
     const bool relaid = layout_.solves_damping != static_cast<bool>(program_.viscous_step);
     if (relaid) prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
@@ -157,6 +163,11 @@ class CpuSolver final : public Solver {
   }
 
  private:
+  static Program<T> program_for(const Model& model, const Scene& scene,
+                                const SolverOptions& options) {
+    return {model, scene, order_of(scene, options), damping_for(model, scene, options)};
+  }
+
   void prepare_damping() {
     layout_.solves_damping = static_cast<bool>(program_.viscous_step);
     viscous_step_.reset();
@@ -193,6 +204,7 @@ class CpuSolver final : public Solver {
       if (viscous_step_) solve_damping(rank, mine, step_ + substep, lap);
       begin(mine);
       if (!viscous_step_) damp(rank, mine, lap);
+      go_further_on(mine);
       apply_forces(mine);
       apply_motions(mine, step);
       lap.took(step_part);
@@ -219,14 +231,28 @@ class CpuSolver final : public Solver {
     }
   }
 
-  void begin(Range mine) {
-    const T dt = static_cast<T>(program_.dt);
+  void set_mobility(Range mine, T acts) {
     for (int i = mine.begin; i < mine.end; ++i) {
-      d_[i].v = begin_vertex(d_[i].w, v_[i], dt);
+      d_[i].w = program_.inverse_mass[i] * (acts * acts);
+    }
+  }
+  // Rate forces are prepared for the usual rule, and act over its time.
+  void begin(Range mine) {
+    const TimeRule<T>& usual = program_.rule;
+    if (rule_.acts != usual.acts) set_mobility(mine, usual.acts);
+    for (int i = mine.begin; i < mine.end; ++i) {
+      d_[i].v = d_[i].w > T(0) ? usual.acts * rule_.velocity(v_[i], last_[i]) : Vec3<T>{};
+    }
+  }
+  void go_further_on(Range mine) {
+    const T longer = rule_.acts / program_.rule.acts;
+    set_mobility(mine, rule_.acts);
+    for (int i = mine.begin; i < mine.end; ++i) {
+      if (d_[i].w > T(0)) d_[i].v = longer * d_[i].v + rule_.share * last_[i].u;
     }
   }
 
-  // Rate forces act on dt v alone. Later d holds what gravity and contact add in this substep,
+  // Rate forces act on g v alone. Later d holds what gravity and contact add in this substep,
   // which even at rest is not zero, and not the same for vertices that are held and for those that
   // are not.
   void damp(int rank, Range mine, Lap& lap) {
@@ -245,12 +271,11 @@ class CpuSolver final : public Solver {
   // The same implicitly, and less often.
   void solve_damping(int rank, Range mine, std::uint64_t step, Lap& lap) {
     if (!program_.viscous_step.is_due(step)) return;
-    const T dt = static_cast<T>(program_.dt);
     const T tau = static_cast<T>(program_.viscous_step.tau());
     const auto decay = [&](Arithmetic arithmetic, const auto& velocity, auto& out) {
       team_.barrier();
       for (int i = mine.begin; i < mine.end; ++i) {
-        d_[i].v = dt * velocity[i];
+        d_[i].v = program_.rule.acts * velocity[i];
         out[i] = {};
       }
       team_.barrier();
@@ -263,25 +288,27 @@ class CpuSolver final : public Solver {
         }
       });
     };
-    viscous_step_->apply(team_, rank, v_, decay);
+    viscous_step_->apply(team_, rank, v_, decay,
+                         [this](int i, const Vec3<T>& change) { last_[i].u += rule_.dt * change; });
     lap.took(Effects::index_of<Viscosity>());
   }
   // Vertices that are led have a velocity too.
   void begin_motions(Range mine) {
-    const T dt = static_cast<T>(program_.dt);
     for_each_slot<EffectKind::motion>(program_.effects, [&]<class Effect>(const auto& effect) {
       for (const int i : effect.vertices) {
-        if (i >= mine.begin && i < mine.end) d_[i].v = dt * v_[i];
+        if (i >= mine.begin && i < mine.end) d_[i].v = program_.rule.acts * v_[i];
       }
     });
   }
 
   void apply_forces(Range mine) {
-    const T dt2 = static_cast<T>(program_.dt) * static_cast<T>(program_.dt);
+    const T acts2 = rule_.acts * rule_.acts;
     for_each_slot<EffectKind::force>(program_.effects, [&]<class Effect>(const auto& effect) {
       for (int i = mine.begin; i < mine.end; ++i) {
         if (!(d_[i].w > T(0))) continue;
-        d_[i].v += dt2 * Effect::acceleration(effect.device, program_.rest[i], u_[i].v, v_[i]);
+        d_[i].v += acts2 * Effect::acceleration(effect.device, program_.rest[i],
+                                                rule_.place(u_[i].v, last_[i]),
+                                                rule_.velocity(v_[i], last_[i]));
       }
     });
   }
@@ -466,8 +493,18 @@ class CpuSolver final : public Solver {
   }
 
   void end(Range mine) {
-    const T dt = static_cast<T>(program_.dt);
-    for (int i = mine.begin; i < mine.end; ++i) end_vertex(d_[i].v, dt, u_[i].v, v_[i]);
+    for (int i = mine.begin; i < mine.end; ++i) {
+      rule_.end(d_[i].w > T(0), d_[i].v, u_[i].v, v_[i], last_[i]);
+    }
+    if (rule_.share == T(0)) return;
+    const auto after_stops = [&](std::span<const Vec3<T>> correction) {
+      if (correction.empty()) return;
+      for (int i = mine.begin; i < mine.end; ++i) {
+        if (touches(correction[i])) rule_.after_stop(correction[i], v_[i], last_[i]);
+      }
+    };
+    for_each_contact([&]<class Effect>(const auto&, const auto& own) { after_stops(own); });
+    after_stops(volume_bound_.corrections());
   }
 
   template <class Effect>
@@ -475,6 +512,7 @@ class CpuSolver final : public Solver {
 
   Program<T> program_;
   SolverOptions options_;
+  TimeRule<T> rule_;  // of the frame at hand
   ElementLayout layout_;
   SweepConstants<T> constants_;
   Effects::Slots<Slot> own_;
@@ -490,6 +528,7 @@ class CpuSolver final : public Solver {
   std::uint64_t step_ = 0;
   std::vector<Row<T>> u_, d_;  // m; m over the substep, and dt^2 / m
   std::vector<Vec3<T>> v_;     // m/s
+  std::vector<Added<T>> last_;
   // Where forces are held, m over the substep: they, and what the last sweep has added to them.
   std::vector<Vec3<T>> held_, added_;
 };

@@ -27,9 +27,10 @@ class CpuViscousStep {
   }
 
   // By all of the team. decay(arithmetic, velocity, out) sets out, of this thread's vertices, to
-  // tau M^-1 f(velocity), with f the rate forces; it begins with a barrier.
-  template <class Decay>
-  void apply(Team& team, int rank, std::vector<Vec3<T>>& v, Decay&& decay) {
+  // tau M^-1 f(velocity), with f the rate forces; it begins with a barrier. told(i, change) is
+  // told by how much a velocity has changed.
+  template <class Decay, class Taken>
+  void apply(Team& team, int rank, std::vector<Vec3<T>>& v, Decay&& decay, Taken&& told) {
     const Range mine = part_of({0, n_}, rank, team.size());
     decay(Arithmetic::in_full, v, r_);
     for (int i = mine.begin; i < mine.end; ++i) {
@@ -54,7 +55,10 @@ class CpuViscousStep {
     const double against = -inner(team, rank, v, change_),
                  size = inner(team, rank, change_, change_);
     const T taken = static_cast<T>(share_that_loses_energy(against, size));
-    for (int i = mine.begin; i < mine.end; ++i) v[i] += taken * change_[i];
+    for (int i = mine.begin; i < mine.end; ++i) {
+      v[i] += taken * change_[i];
+      told(i, taken * change_[i]);
+    }
     team.barrier();
   }
 

@@ -3,6 +3,7 @@
 // result depends on the order, and any number of threads gives the same bits.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "sim/backend/team.hpp"
@@ -17,10 +18,11 @@ class CpuVolumeBound {
  public:
   using Rows = std::vector<Row<T>>;  // u in m; d in m, and beside it dt^2 / m, s2/kg
 
-  CpuVolumeBound(BoundedTets<T> tets, int threads) : tets_(std::move(tets)), found_(threads) {}
+  CpuVolumeBound(BoundedTets<T> tets, int threads, int vertices)
+      : tets_(std::move(tets)), found_(threads), corrections_(vertices) {}
 
-  // Whether the bound acts from this state on.
-  void begin_at(const State& state) { acts_ = !tets_.has_inverted(state); }
+  void begin_at(const State& state) { acts_ = tets_.begins_at(state); }
+  bool acts() const { return acts_; }
 
   // By all of the team, before anything else of a substep, the n-th of its frame.
   void begin_substep(Team& team, int rank, int n, const Rows& u, const Rows& d) {
@@ -31,9 +33,11 @@ class CpuVolumeBound {
   void apply(Team& team, int rank, bool last_of_frame, const Rows& u, Rows& d) {
     if (tets_.vertices.empty()) return;
     if (last_of_frame) watch(team, rank, true, u, d);
-    if (watched_.empty() && !last_of_frame) return;
+    if (watched_.empty() && corrected_.empty() && !last_of_frame) return;
     team.barrier();
     if (rank == 0) {
+      for (const int v : corrected_) corrections_[v] = {};
+      corrected_.clear();
       if (acts_) {
         repeat_over_watched(VolumeBound::pushes, u, d, [](auto& tet) { return tet.push(); });
         repeat_over_watched(VolumeBound::halts, u, d, [](auto& tet) { return tet.halt(); });
@@ -43,6 +47,11 @@ class CpuVolumeBound {
       }
     }
     team.barrier();
+  }
+
+  // [n] m, by which vertices were moved in this substep; none if it is empty.
+  std::span<const Vec3<T>> corrections() const {
+    return corrected_.empty() ? std::span<const Vec3<T>>() : std::span(corrections_);
   }
 
  private:
@@ -83,7 +92,12 @@ class CpuVolumeBound {
       for (const int t : wrong_) {
         MovingTet<T> tet = moving_tet(t, u, d);
         if (!correct(tet)) continue;
-        for (int i = 0; i < 4; ++i) d[tets_.vertices[t][i]].v = tet.d[i];
+        for (int i = 0; i < 4; ++i) {
+          const int v = tets_.vertices[t][i];
+          if (!touches(corrections_[v])) corrected_.push_back(v);
+          corrections_[v] += tet.d[i] - d[v].v;
+          d[v].v = tet.d[i];
+        }
       }
     }
   }
@@ -103,6 +117,8 @@ class CpuVolumeBound {
   std::vector<std::vector<int>> found_;  // [threads] near the bound, of each thread's part
   std::vector<int> watched_;             // all of them, in order
   std::vector<int> wrong_;               // those of them that a pass corrects
+  std::vector<Vec3<T>> corrections_;     // [n] m, those of the substep
+  std::vector<int> corrected_;           // the vertices that have one, some twice
   bool acts_ = true;
 };
 

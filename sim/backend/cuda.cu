@@ -149,13 +149,15 @@ template <class T>
 class CudaSolver final : public Solver {
  public:
   CudaSolver(const Model& model, const Scene& scene, const SolverOptions& options, std::string name)
-      : CudaSolver(Program<T>(model, scene, damping_for(model, scene, options)),
-                   BoundedTets<T>(model, scene, options.method), options, std::move(name)) {}
+      : CudaSolver(program_for(model, scene, options), BoundedTets<T>(model, scene, options.method),
+                   options, std::move(name)) {}
 
   void advance_frame() override {
+    const bool smooth = program_.rule.share == T(0) || volume_bound_.acts();
+    const Graph& graph = smooth ? graph_ : graph_to_first_order_;
     for (int substep = 0; substep < substeps_; ++substep, ++step_) {
       if (program_.viscous_step.is_due(step_)) viscous_step_->apply(stream_);
-      graph_.launch(stream_, "launching a substep");
+      graph.launch(stream_, "launching a substep");
     }
     stream_.finish("running a frame");
     for_each_active<EffectKind::self_contact>(
@@ -166,11 +168,13 @@ class CudaSolver final : public Solver {
                 done_.download()[0]};
     save_memory(effects_, state);
     if (layout_.holds) save_held(effects_, held_.download(), state);
+    program_.save_added(last_.download(), state);
     return state;
   }
   void set_state(const State& state) override {
     u_.upload(cast_all<T>(state.u));
     v_.upload(cast_all<T>(state.v));
+    last_.upload(program_.added_before(state));
     done_.upload({state.step});
     step_ = state.step;
     volume_bound_.begin_at(state);
@@ -183,7 +187,7 @@ class CudaSolver final : public Solver {
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune({model, scene, damping_for(model, scene, options_)});
+    program_.retune(program_for(model, scene, options_));
     const bool relaid = layout_.solves_damping != static_cast<bool>(program_.viscous_step);
     if (relaid) prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
@@ -220,15 +224,16 @@ class CudaSolver final : public Solver {
     double sum = 0.0;
     for (int i = 0; i < n_; ++i) {
       const T w = program_.inverse_mass[i];
-      if (w > T(0)) sum += norm(cast<double>(added[i])) / (static_cast<double>(w) * dt_ * dt_);
+      const double acts = program_.acts_s;
+      if (w > T(0)) sum += norm(cast<double>(added[i])) / (static_cast<double>(w) * acts * acts);
     }
     return sum;
   }
   std::string device() const override { return "cuda, " + name_; }
   bool off_host() const override { return true; }
   SubstepWork substep_work() const override {
-    // At the start and the end of a substep, and by each force: w, u, v and d.
-    double bytes = n_ * (3.0 * sizeof(T) + 8.0 * sizeof(Vec3<T>));
+    // At the start and the end of a substep, and by each force: w, u, v, d and what was added.
+    double bytes = n_ * (4.0 * sizeof(T) + 10.0 * sizeof(Vec3<T>) + 5.0 * sizeof(Added<T>));
     for_each_active<EffectKind::element>([&]<class Effect>(const auto& effect) {
       const double of_vertex = sizeof(T) + 3.0 * sizeof(Vec3<T>);
       bytes += static_cast<double>(effect.coloring.order.size()) *
@@ -259,7 +264,8 @@ class CudaSolver final : public Solver {
         u_(n_),
         v_(n_),
         d_(n_),
-        volume_bound_(bounded),
+        last_(n_),
+        volume_bound_(bounded, n_),
         done_(1) {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& host : std::get<i>(program_.effects)) {
@@ -268,7 +274,14 @@ class CudaSolver final : public Solver {
     });
     if (layout_.holds) held_ = DeviceArray<Vec3<T>>(n_), added_ = DeviceArray<Vec3<T>>(n_);
     prepare_damping();
+    const std::vector<Vec3<double>> still(n_);
+    last_.upload(program_.added_before({still, still}));
     capture();
+  }
+
+  static Program<T> program_for(const Model& model, const Scene& scene,
+                                const SolverOptions& options) {
+    return {model, scene, order_of(scene, options), damping_for(model, scene, options)};
   }
 
   void prepare_damping() {
@@ -280,8 +293,9 @@ class CudaSolver final : public Solver {
   static void require_memory(const Program<T>& program, const DeviceLayout& layout,
                              const BoundedTets<T>& bounded) {
     const std::size_t n = program.rest.size();
-    std::size_t bytes =
-        n * (4 * sizeof(Vec3<T>) + 2 * sizeof(T)) + CudaVolumeBound<T>::bytes(bounded);
+    std::size_t bytes = n * (4 * sizeof(Vec3<T>) + sizeof(Added<T>) + 2 * sizeof(T)) +
+                        CudaVolumeBound<T>::bytes(bounded);
+    bytes += bounded.vertices.empty() ? 0 : n * sizeof(Vec3<T>);
     if (layout.holds) bytes += n * 2 * sizeof(Vec3<T>);
     if (layout.solves_damping) bytes += CudaViscousStep<T>::bytes(n);
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
@@ -304,18 +318,24 @@ class CudaSolver final : public Solver {
 
   // What travels as a kernel argument is part of the graph.
   void capture() {
-    graph_ = Graph(stream_, [this] { enqueue_substep(); });
+    graph_ = Graph(stream_, [this] { enqueue_substep(program_.rule); });
+    if (program_.rule.share > T(0)) {
+      graph_to_first_order_ =
+          Graph(stream_, [this] { enqueue_substep(program_.rule.to_first_order()); });
+    }
     if (!viscous_step_) return;
     const auto enqueue_decay = [this](Arithmetic arithmetic, const Vec3<T>* velocity,
                                       Vec3<T>* out) {
       move_by<T>
-          <<<blocks(n_), block_size, 0, stream_>>>(n_, velocity, static_cast<T>(dt_), d_.get());
+          <<<blocks(n_), block_size, 0, stream_>>>(n_, velocity, program_.rule.acts, d_.get());
       for_each_active<EffectKind::element>([&]<class Effect>(const auto& own) {
         if constexpr (is_rate_force<Effect>) {
           if (arithmetic == Arithmetic::in_full) {
-            enqueue_elements<Effect, Arithmetic::in_full>(own, 0, own.coloring.color_begin.back());
+            enqueue_elements<Effect, Arithmetic::in_full>(own, 0, own.coloring.color_begin.back(),
+                                                          program_.rule.acts);
           } else {
-            enqueue_elements<Effect, Arithmetic::resisted>(own, 0, own.coloring.color_begin.back());
+            enqueue_elements<Effect, Arithmetic::resisted>(own, 0, own.coloring.color_begin.back(),
+                                                           program_.rule.acts);
           }
           add_decay<T><<<blocks(n_), block_size, 0, stream_>>>(
               n_, own.slots_begin.get(), own.slots.get(), own.impulses.get(), inverse_mass_.get(),
@@ -323,19 +343,24 @@ class CudaSolver final : public Solver {
         }
       });
     };
-    viscous_step_->capture(stream_, v_.get(), enqueue_decay);
+    viscous_step_->capture(stream_, program_.rule, v_.get(), last_.get(), enqueue_decay);
   }
 
   static int blocks(int threads) { return (threads + block_size - 1) / block_size; }
 
-  void enqueue_substep() {
-    const T dt = static_cast<T>(dt_);
-    begin<T>
-        <<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), v_.get(), d_.get(), dt);
+  void enqueue_substep(const TimeRule<T>& rule) {
+    const T usual_acts = program_.rule.acts;  // rate forces are prepared for it
+    begin<T><<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), v_.get(), last_.get(),
+                                                     d_.get(), rule, usual_acts);
     if (!viscous_step_) enqueue_rate_forces();
+    if (program_.rule.share > T(0)) {
+      go_further_on<T><<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), last_.get(),
+                                                               d_.get(), rule, usual_acts);
+    }
     for_each_active<EffectKind::force>([&]<class Effect>(const auto& effect) {
       apply_force<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), v_.get(), d_.get(), dt);
+          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), v_.get(), last_.get(),
+          d_.get(), rule);
     });
     for_each_active<EffectKind::motion>([&]<class Effect>(const auto& effect) {
       const int count = static_cast<int>(effect.vertices.size());
@@ -356,7 +381,7 @@ class CudaSolver final : public Solver {
       hold_forces<T><<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), held_.get(),
                                                              d_.get(), added_.get());
     }
-    for (int i = 0; i < options_.iterations; ++i) enqueue_iteration(i);
+    for (int i = 0; i < options_.iterations; ++i) enqueue_iteration(i, rule.acts);
     if (layout_.holds) {
       renew_held<T><<<blocks(n_), block_size, 0, stream_>>>(
           n_, inverse_mass_.get(), d_.get(), added_.get(), constants_.renewed, held_.get());
@@ -368,7 +393,7 @@ class CudaSolver final : public Solver {
       rub<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
           n_, effect.device, effect.correction.get(), v_.get(), d_.get(), done_.get(), dt_);
     });
-    volume_bound_.enqueue(stream_, u_.get(), d_.get(), inverse_mass_.get(), dt, done_.get(),
+    volume_bound_.enqueue(stream_, u_.get(), d_.get(), inverse_mass_.get(), rule.acts, done_.get(),
                           substeps_);
     for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
       if constexpr (can_stop<Effect, T>) {
@@ -377,8 +402,16 @@ class CudaSolver final : public Solver {
             dt_);
       }
     });
-    end<T>
-        <<<blocks(n_), block_size, 0, stream_>>>(n_, d_.get(), dt, u_.get(), v_.get(), done_.get());
+    end<T><<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), d_.get(), rule,
+                                                   u_.get(), v_.get(), last_.get(), done_.get());
+    const auto after_stops = [&](const Vec3<T>* correction) {
+      if (rule.share == T(0) || !correction) return;
+      after_stop<T>
+          <<<blocks(n_), block_size, 0, stream_>>>(n_, correction, rule, v_.get(), last_.get());
+    };
+    for_each_active<EffectKind::contact>(
+        [&]<class Effect>(const auto& effect) { after_stops(effect.correction.get()); });
+    after_stops(volume_bound_.corrections());
     check(cudaGetLastError(), "launching a kernel");
   }
 
@@ -389,7 +422,7 @@ class CudaSolver final : public Solver {
       if constexpr (is_rate_force<Effect>) {
         if (!begun) enqueue_led_motion();
         begun = true;
-        enqueue_sweep<Effect, Arithmetic::xpbd_only>(effect);
+        enqueue_sweep<Effect, Arithmetic::xpbd_only>(effect, program_.rule.acts);
       }
     });
   }
@@ -398,12 +431,12 @@ class CudaSolver final : public Solver {
       const int count = static_cast<int>(effect.vertices.size());
       if (count == 0) return;
       go_on<T><<<blocks(count), block_size, 0, stream_>>>(count, effect.vertices.get(), v_.get(),
-                                                          d_.get(), static_cast<T>(dt_));
+                                                          d_.get(), program_.rule.acts);
     });
   }
 
   // One iteration over all elements. Forces (rows = 0) act once a substep.
-  void enqueue_iteration(int iteration) {
+  void enqueue_iteration(int iteration, T acts) {
     const Arithmetic arithmetic = arithmetic_of(options_, iteration);
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& own : std::get<i>(effects_)) {
@@ -412,9 +445,9 @@ class CudaSolver final : public Solver {
                       {u_.get(), d_.get(), inverse_mass_.get()});
         } else if constexpr (Effect::kind == EffectKind::element) {
           if constexpr (is_constraint<Effect>) {
-            enqueue_sweep_by<Effect>(own, arithmetic);
+            enqueue_sweep_by<Effect>(own, arithmetic, acts);
           } else if (!is_rate_force<Effect> && iteration == 0) {
-            enqueue_sweep<Effect, Arithmetic::xpbd_only>(own);
+            enqueue_sweep<Effect, Arithmetic::xpbd_only>(own, acts);
           }
         }
       }
@@ -422,21 +455,21 @@ class CudaSolver final : public Solver {
   }
 
   template <class Effect>
-  void enqueue_sweep_by(const OnDevice<Effect, T>& own, Arithmetic arithmetic) {
+  void enqueue_sweep_by(const OnDevice<Effect, T>& own, Arithmetic arithmetic, T acts) {
     using enum Arithmetic;
     switch (arithmetic) {
       case xpbd_only:
-        return enqueue_sweep<Effect, xpbd_only>(own);
+        return enqueue_sweep<Effect, xpbd_only>(own, acts);
       case xpbd_first:
-        return enqueue_sweep<Effect, xpbd_first>(own);
+        return enqueue_sweep<Effect, xpbd_first>(own, acts);
       case xpbd_next:
-        return enqueue_sweep<Effect, xpbd_next>(own);
+        return enqueue_sweep<Effect, xpbd_next>(own, acts);
       case xpbd_held:
-        return enqueue_sweep<Effect, xpbd_held>(own);
+        return enqueue_sweep<Effect, xpbd_held>(own, acts);
       case force:
-        return enqueue_sweep<Effect, force>(own);
+        return enqueue_sweep<Effect, force>(own, acts);
       case pbd:
-        if constexpr (is_projectable<Effect>) enqueue_sweep<Effect, pbd>(own);
+        if constexpr (is_projectable<Effect>) enqueue_sweep<Effect, pbd>(own, acts);
         return;
       case in_full:
       case resisted:
@@ -445,27 +478,25 @@ class CudaSolver final : public Solver {
   }
 
   template <class Effect, Arithmetic arithmetic>
-  void enqueue_sweep(const OnDevice<Effect, T>& own) {
-    const T dt = static_cast<T>(dt_);
+  void enqueue_sweep(const OnDevice<Effect, T>& own, T acts) {
     const auto& colors = own.coloring.color_begin;
     if (!own.gathers) {
       for (std::size_t c = 0; c + 1 < colors.size(); ++c) {
-        enqueue_elements<Effect, arithmetic>(own, colors[c], colors[c + 1]);
+        enqueue_elements<Effect, arithmetic>(own, colors[c], colors[c + 1], acts);
       }
       return;
     }
-    enqueue_elements<Effect, arithmetic>(own, 0, colors.back());
+    enqueue_elements<Effect, arithmetic>(own, 0, colors.back(), acts);
     gather_impulses<T><<<blocks(n_), block_size, 0, stream_>>>(n_, own.slots_begin.get(),
                                                                own.slots.get(), own.impulses.get(),
-                                                               inverse_mass_.get(), dt, d_.get());
+                                                               inverse_mass_.get(), acts, d_.get());
   }
 
   template <class Effect, Arithmetic arithmetic>
-  void enqueue_elements(const OnDevice<Effect, T>& own, int first, int last) {
+  void enqueue_elements(const OnDevice<Effect, T>& own, int first, int last, T acts) {
     if (first == last) return;
     solve_elements<Effect, arithmetic, T><<<blocks(last - first), block_size, 0, stream_>>>(
-        first, last, own.view(), inverse_mass_.get(), u_.get(), d_.get(), constants_,
-        static_cast<T>(dt_));
+        first, last, own.view(), inverse_mass_.get(), u_.get(), d_.get(), constants_, acts);
   }
 
   template <EffectKind kind, class Function>
@@ -484,6 +515,7 @@ class CudaSolver final : public Solver {
   DeviceArray<Vec3<T>> rest_;
   DeviceArray<T> inverse_mass_;
   DeviceArray<Vec3<T>> u_, v_, d_;
+  DeviceArray<Added<T>> last_;
   // Where forces are held, m over the substep: they, and what the last sweep has added to them.
   DeviceArray<Vec3<T>> held_, added_;
   CudaVolumeBound<T> volume_bound_;
@@ -492,7 +524,7 @@ class CudaSolver final : public Solver {
   std::uint64_t step_ = 0;                          // the same, for the host
   Effects::Slots<Slot> effects_;
   Stream stream_;
-  Graph graph_;
+  Graph graph_, graph_to_first_order_;
 };
 
 }  // namespace

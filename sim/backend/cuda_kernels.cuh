@@ -14,18 +14,29 @@ __device__ inline int global_thread() {
   return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
 }
 
+// A fixed vertex has inverse mass 0 and stays where it is.
 template <class T>
-__global__ void begin(int n, const T* w, const Vec3<T>* v, Vec3<T>* d, T dt) {
+__global__ void begin(int n, const T* w, const Vec3<T>* v, const Added<T>* last, Vec3<T>* d,
+                      TimeRule<T> rule, T usual_acts) {
   const int i = global_thread();
-  if (i < n) d[i] = begin_vertex(w[i], v[i], dt);
+  if (i < n) d[i] = w[i] > T(0) ? usual_acts * rule.velocity(v[i], last[i]) : Vec3<T>{};
+}
+template <class T>
+__global__ void go_further_on(int n, const T* w, const Added<T>* last, Vec3<T>* d, TimeRule<T> rule,
+                              T usual_acts) {
+  const int i = global_thread();
+  const T longer = rule.acts / usual_acts;
+  if (i < n && w[i] > T(0)) d[i] = longer * d[i] + rule.share * last[i].u;
 }
 
 template <class Effect, class T>
 __global__ void apply_force(int n, typename Effect::template Device<T> device, const T* w,
-                            const Vec3<T>* rest, const Vec3<T>* u, const Vec3<T>* v, Vec3<T>* d,
-                            T dt) {
+                            const Vec3<T>* rest, const Vec3<T>* u, const Vec3<T>* v,
+                            const Added<T>* last, Vec3<T>* d, TimeRule<T> rule) {
   const int i = global_thread();
-  if (i < n && w[i] > T(0)) d[i] += (dt * dt) * Effect::acceleration(device, rest[i], u[i], v[i]);
+  if (i >= n || !(w[i] > T(0))) return;
+  d[i] += (rule.acts * rule.acts) * Effect::acceleration(device, rest[i], rule.place(u[i], last[i]),
+                                                         rule.velocity(v[i], last[i]));
 }
 
 // What elements read and write. With `impulses` the results go there, [elements][arity], and d
@@ -54,7 +65,7 @@ __device__ void with_kept(T* kept, int element, const Work& work) {
 
 template <class Effect, Arithmetic arithmetic, class T>
 __global__ void solve_elements(int first, int last, ElementView<Effect, T> own, const T* w,
-                               const Vec3<T>* u, Vec3<T>* d, SweepConstants<T> constants, T dt) {
+                               const Vec3<T>* u, Vec3<T>* d, SweepConstants<T> constants, T acts) {
   const int e = first + global_thread();
   if (e >= last) return;
   constexpr int arity = Effect::arity;
@@ -64,7 +75,7 @@ __global__ void solve_elements(int first, int last, ElementView<Effect, T> own, 
     const int v = own.vertices[e][i];
     local_u[i] = u[v];
     local_d[i] = d[v];
-    mobility[i] = w[v] * (dt * dt);
+    mobility[i] = w[v] * (acts * acts);
   }
   with_kept<kept_by<Effect, arithmetic>>(own.kept, e, [&](T* kept) {
     with_kept<memory_of<Effect>>(own.memory, e, [&](T* memory) {
@@ -92,9 +103,9 @@ __device__ Vec3<T> impulse_on(int vertex, const int* begin, const int* slots,
 
 template <class T>
 __global__ void gather_impulses(int n, const int* begin, const int* slots, const Vec3<T>* impulses,
-                                const T* w, T dt, Vec3<T>* d) {
+                                const T* w, T acts, Vec3<T>* d) {
   const int i = global_thread();
-  if (i < n) d[i] += (w[i] * (dt * dt)) * impulse_on(i, begin, slots, impulses);
+  if (i < n) d[i] += (w[i] * (acts * acts)) * impulse_on(i, begin, slots, impulses);
 }
 
 // The forces that the elements hold, before a sweep, which adds to them, and what it has added.
@@ -133,9 +144,9 @@ __global__ void move(int count, const int* vertices, typename Effect::template D
 
 // How far the vertices that are led go by their velocity.
 template <class T>
-__global__ void go_on(int count, const int* vertices, const Vec3<T>* v, Vec3<T>* d, T dt) {
+__global__ void go_on(int count, const int* vertices, const Vec3<T>* v, Vec3<T>* d, T acts) {
   const int k = global_thread();
-  if (k < count) d[vertices[k]] = dt * v[vertices[k]];
+  if (k < count) d[vertices[k]] = acts * v[vertices[k]];
 }
 
 template <class Effect, class T>
@@ -168,11 +179,17 @@ __global__ void stop(int n, typename Effect::template Device<T> device, const T*
 }
 
 template <class T>
-__global__ void end(int n, const Vec3<T>* d, T dt, Vec3<T>* u, Vec3<T>* v,
-                    unsigned long long* done) {
+__global__ void end(int n, const T* w, const Vec3<T>* d, TimeRule<T> rule, Vec3<T>* u, Vec3<T>* v,
+                    Added<T>* last, unsigned long long* done) {
   const int i = global_thread();
-  if (i < n) end_vertex(d[i], dt, u[i], v[i]);
+  if (i < n) rule.end(w[i] > T(0), d[i], u[i], v[i], last[i]);
   if (i == 0) ++*done;
+}
+template <class T>
+__global__ void after_stop(int n, const Vec3<T>* correction, TimeRule<T> rule, Vec3<T>* v,
+                           Added<T>* last) {
+  const int i = global_thread();
+  if (i < n && touches(correction[i])) rule.after_stop(correction[i], v[i], last[i]);
 }
 
 }  // namespace viscera::sim

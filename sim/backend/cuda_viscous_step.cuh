@@ -86,9 +86,13 @@ static __global__ void end_iteration(DampingSums* sums) {
 
 // With <v, change> in pq and <change, change> in left.
 template <class T>
-__global__ void take_change(int n, const DampingSums* sums, const Vec3<T>* change, Vec3<T>* v) {
+__global__ void take_change(int n, const DampingSums* sums, const Vec3<T>* change, TimeRule<T> rule,
+                            Vec3<T>* v, Added<T>* last) {
   const int i = global_thread();
-  if (i < n) v[i] += static_cast<T>(share_that_loses_energy(-sums->pq, sums->left)) * change[i];
+  if (i >= n) return;
+  const Vec3<T> taken = static_cast<T>(share_that_loses_energy(-sums->pq, sums->left)) * change[i];
+  v[i] += taken;
+  last[i].u += rule.dt * taken;
 }
 
 template <class T>
@@ -105,9 +109,10 @@ class CudaViscousStep {
         sums_(1) {}
 
   // enqueue_decay(arithmetic, velocity, out) adds tau M^-1 f(velocity) to out, with f the rate
-  // forces; `v` are the velocities that are damped.
+  // forces; `v` are the velocities that are damped, `last` what goes with them.
   template <class EnqueueDecay>
-  void capture(cudaStream_t stream, Vec3<T>* v, EnqueueDecay&& enqueue_decay) {
+  void capture(cudaStream_t stream, const TimeRule<T>& rule, Vec3<T>* v, Added<T>* last,
+               EnqueueDecay&& enqueue_decay) {
     DampingSums* const sums = sums_.get();
     begin_ = Graph(stream, [&] {
       clear(stream, r_);
@@ -135,7 +140,7 @@ class CudaViscousStep {
     end_ = Graph(stream, [&] {
       enqueue_inner(stream, v, change_.get(), &sums->pq);
       enqueue_inner(stream, change_.get(), change_.get(), &sums->left);
-      take_change<T><<<blocks(), block_size, 0, stream>>>(n_, sums, change_.get(), v);
+      take_change<T><<<blocks(), block_size, 0, stream>>>(n_, sums, change_.get(), rule, v, last);
     });
   }
 

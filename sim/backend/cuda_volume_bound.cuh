@@ -23,7 +23,8 @@ struct VolumeBoundView {
   int* watched;               // [count] tets near the bound
   unsigned char* below;       // [count] by place in `watched`
   int* wrong;                 // [count] places in `watched`
-  bool* acts;                 // whether the bound does
+  Vec3<T>* corrections;       // [n] m, by which vertices were moved in this substep
+  unsigned char* acts;        // whether the bound does
   int substeps;               // a frame
 
   __device__ MovingTet<T> tet(int t) const {
@@ -90,7 +91,11 @@ __device__ void repeat_over_watched(const VolumeBoundView<T>& view, int watched,
         const int t = view.watched[view.wrong[k]];
         MovingTet<T> tet = view.tet(t);
         if (!correct(tet)) continue;
-        for (int i = 0; i < 4; ++i) view.d[view.vertices[t][i]] = tet.d[i];
+        for (int i = 0; i < 4; ++i) {
+          const int v = view.vertices[t][i];
+          view.corrections[v] += tet.d[i] - view.d[v];
+          view.d[v] = tet.d[i];
+        }
       }
     }
     __syncthreads();
@@ -120,7 +125,7 @@ __global__ void __launch_bounds__(bound_threads)
 template <class T>
 class CudaVolumeBound {
  public:
-  explicit CudaVolumeBound(BoundedTets<T> tets)
+  CudaVolumeBound(BoundedTets<T> tets, int vertices)
       : tets_(std::move(tets)),
         vertices_(tets_.vertices),
         rest_(tets_.rest_inverse),
@@ -128,17 +133,23 @@ class CudaVolumeBound {
         watched_(tets_.vertices.size()),
         below_(tets_.vertices.size()),
         wrong_(tets_.vertices.size()),
+        corrections_(tets_.vertices.empty() ? 0 : vertices),
         acts_(1),
         count_(static_cast<int>(tets_.vertices.size())) {
     begin_at({});
   }
 
-  // Whether the bound acts from this state on; one without displacements is that of rest.
+  // One without displacements is that of rest.
   void begin_at(const State& state) {
-    const bool acts = state.u.empty() || !tets_.has_inverted(state);
+    const unsigned char acts = state.u.empty() || tets_.begins_at(state);
     check(cudaMemcpy(acts_.get(), &acts, sizeof(acts), cudaMemcpyHostToDevice), "uploading");
     check(cudaStreamSynchronize(nullptr), "uploading");
   }
+
+  // [n] m, of the substep; null where there is no bound.
+  const Vec3<T>* corrections() const { return corrections_.get(); }
+  // At the end of a frame, for the next.
+  bool acts() const { return count_ == 0 || acts_.download()[0] != 0; }
 
   static std::size_t bytes(const BoundedTets<T>& tets) {
     return tets.vertices.size() * (sizeof(Tet) + sizeof(Mat3<T>) + 2 + 2 * sizeof(int));
@@ -159,10 +170,13 @@ class CudaVolumeBound {
                                   .watched = watched_.get(),
                                   .below = below_.get(),
                                   .wrong = wrong_.get(),
+                                  .corrections = corrections_.get(),
                                   .acts = acts_.get(),
                                   .substeps = substeps};
     constexpr int width = 256;
     const int blocks = (count_ + width - 1) / width;
+    check(cudaMemsetAsync(corrections_.get(), 0, corrections_.size() * sizeof(Vec3<T>), stream),
+          "clearing");
     watch_volumes<T><<<blocks, width, 0, stream>>>(view);
     bound_volumes<T><<<1, bound_threads, 0, stream>>>(view, done);
   }
@@ -175,7 +189,8 @@ class CudaVolumeBound {
   DeviceArray<int> watched_;
   DeviceArray<unsigned char> below_;
   DeviceArray<int> wrong_;
-  DeviceArray<bool> acts_;
+  DeviceArray<Vec3<T>> corrections_;
+  DeviceArray<unsigned char> acts_;
   int count_;
 };
 

@@ -168,6 +168,14 @@ inline constexpr bool is_constraint = [] {
   if constexpr (Effect::kind == EffectKind::element) return Effect::rows > 0;
   return false;
 }();
+// Element effects that act from outside.
+template <class Effect>
+inline constexpr bool is_load = [] {
+  if constexpr (Effect::kind == EffectKind::element) {
+    return !is_constraint<Effect> && !needs_rate<Effect>;
+  }
+  return false;
+}();
 
 // Whether an effect states reference multipliers, below.
 template <class Effect>

@@ -265,15 +265,4 @@ SIM_HD void element_impulses(const typename Effect::template Rest<T>& rest,
   }
 }
 
-// A fixed vertex has inverse mass 0 and stays where it is.
-template <class T>
-SIM_HD Vec3<T> begin_vertex(T w, const Vec3<T>& v, T dt) {
-  return w > T(0) ? dt * v : Vec3<T>{};
-}
-template <class T>
-SIM_HD void end_vertex(const Vec3<T>& d, T dt, Vec3<T>& u, Vec3<T>& v) {
-  u += d;
-  v = (T(1) / dt) * d;
-}
-
 }  // namespace viscera::sim

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "sim/solvers/options.hpp"
+#include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/viscous_step.hpp"
 
 namespace viscera::sim {
@@ -14,7 +15,8 @@ namespace viscera::sim {
 inline ViscousStep damping_for(const Model& model, const Scene& scene,
                                const SolverOptions& options) {
   const bool solves = options.method == Method::xpbd && options.scheme != Scheme::jacobi;
-  return solves ? ViscousStep::of(model, scene) : ViscousStep{};
+  const double acts_s = acting_time(scene.time.substep_s(), order_of(scene, options));
+  return solves ? ViscousStep::of(model, scene, acts_s) : ViscousStep{};
 }
 
 // What a backend keeps of an effect takes over its new numbers, where it lies; where damping is

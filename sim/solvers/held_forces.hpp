@@ -63,8 +63,8 @@ struct SweepError {
     return hi;
   }
 
-  static SweepError of(const Model& model, const Scene& scene) {
-    const double dt = scene.time.substep_s();
+  // Where forces act over acts_s in a substep.
+  static SweepError of(const Model& model, double acts_s) {
     double sum = 0.0, volume = 0.0;
     for (std::size_t t = 0; t < model.tet_count(); ++t) {
       const Mat3<double> b = transpose(model.rest_inverse[t]);
@@ -72,7 +72,7 @@ struct SweepError {
                                          b.col[2]};
       double give = 0.0;
       for (int i = 0; i < 4; ++i) {
-        give += dt * dt / model.mass[model.tets[t][i]] * dot(gradients[i], gradients[i]);
+        give += acts_s * acts_s / model.mass[model.tets[t][i]] * dot(gradients[i], gradients[i]);
       }
       const double modulus = lame(model.material(t)).neo_hookean_lambda();
       sum += modulus * model.volume[t] * give * model.volume[t];

@@ -56,4 +56,12 @@ inline bool in_blocks(const SolverOptions& options) {
   return options.scheme == Scheme::block_gauss_seidel && options.method != Method::tled;
 }
 
+// Of the time step (time_rule.hpp). What copies of a vertex carry from one substep to the next in
+// blocks makes the second order gain energy: a cube of nu .45 that is shaken had 219 times what it
+// was given after 500 substeps at Cs .5, and loses it by colours or where copies carry nothing.
+// Explicit dynamics is of second order as it is; the projections of PBD are no forces.
+inline int order_of(const Scene& scene, const SolverOptions& options) {
+  return options.method == Method::xpbd && !in_blocks(options) ? scene.time.order : 1;
+}
+
 }  // namespace viscera::sim

@@ -2,20 +2,22 @@
 // and nothing for those that it does not.
 //
 // A substep, with d the displacement over it:
-//   begin_vertex      d = dt v
-//   rate forces       d += dt^2 M^-1 f(u, d / dt): element effects that vanish where nothing moves;
+//   free way          d = g v, with g the time over which forces act, v and, further on, u a third
+//                     of their last changes further on (time_rule.hpp); to first order g = dt
+//   rate forces       d += g^2 M^-1 f(u, d / g): element effects that vanish where nothing moves;
 //                     where that is too little, v is solved for before (viscous_step.hpp)
-//   force effects     d += dt^2 a
+//   further on        d += the way to there
+//   force effects     d += g^2 a
 //   motion effects    d leads to where the vertex is told to be
 //   self-contact      d keeps the surface off itself
 //   contact effects   push: d leads out of the obstacle
-//   element effects   d += dt^2 M^-1 p, by the method's arithmetic and in the scheme's order
+//   element effects   d += g^2 M^-1 p, by the method's arithmetic and in the scheme's order
 //   region effects    among them: d approaches the moved rest shape
 //   self-contact      d loses what friction takes, and keeps half of the thickness
 //   contact effects   rub: d loses what friction takes; stop: none passes through
-//   end_vertex        u += d, v = d / dt
-// The velocity is d / dt and never a difference of two positions, so single precision keeps gravity
-// at any substep (Macklin et al., "Small Steps in Physics Simulation", SCA 2019).
+//   end               u += d, v = (d - the way to there) / g; along what stops it d / dt
+// The velocity comes from d and is never a difference of two positions, so single precision keeps
+// gravity at any substep (Macklin et al., "Small Steps in Physics Simulation", SCA 2019).
 #pragma once
 
 #include <algorithm>
@@ -25,6 +27,7 @@
 #include "sim/regions.hpp"
 #include "sim/scene.hpp"
 #include "sim/solvers/arithmetic.hpp"
+#include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/viscous_step.hpp"
 #include "sim/state.hpp"
 #include "sim/surface_pairs.hpp"
@@ -168,12 +171,16 @@ struct Program {
   Effects::Slots<Slot> effects;
   Vec3<double> origin;  // of the model, m
   double dt;            // s
+  double acts_s;        // g, by which forces are prepared
+  TimeRule<T> rule;
   int substeps;
   ViscousStep viscous_step;  // where damping is solved for: rate forces are not lowered
 
-  Program(const Model& model, const Scene& scene, ViscousStep damping = {})
+  Program(const Model& model, const Scene& scene, int order = 1, ViscousStep damping = {})
       : origin(model.origin),
         dt(scene.time.substep_s()),
+        acts_s(acting_time(dt, order)),
+        rule(TimeRule<T>::of(dt, order)),
         substeps(scene.time.substeps),
         viscous_step(damping) {
     for (std::size_t i = 0; i < model.vertex_count(); ++i) {
@@ -181,8 +188,13 @@ struct Program {
       inverse_mass.push_back(model.fixed[i] ? T(0) : static_cast<T>(1.0 / model.mass[i]));
     }
     Effects::for_each([&]<class Effect, std::size_t i>() {
+      // What has a history goes through all of the substep, and what acts does so over its time.
+      double over = acts_s;
+      if constexpr (Effect::kind == EffectKind::element) {
+        if (memory_of<Effect> != 0) over = dt;
+      }
       for (const auto& params : std::get<i>(scene.effects)) {
-        std::get<i>(effects).emplace_back(model, params, dt);
+        std::get<i>(effects).emplace_back(model, params, over);
       }
     });
     if (viscous_step) {
@@ -204,7 +216,7 @@ struct Program {
   void retune(Program&& tuned) {
     require_same(rest == tuned.rest, "mesh");
     require_same(inverse_mass == tuned.inverse_mass, "density, or the vertices that are held");
-    require_same(dt == tuned.dt && substeps == tuned.substeps, "time");
+    require_same(dt == tuned.dt && substeps == tuned.substeps && acts_s == tuned.acts_s, "time");
     Effects::for_each([&]<class Effect, std::size_t i>() {
       const auto &own = std::get<i>(effects), &other = std::get<i>(tuned.effects);
       bool same = own.size() == other.size();
@@ -226,7 +238,7 @@ struct Program {
       require_same(own.size() == params.size(), std::string("effects.") + Effect::name);
       if constexpr (is_steered<Effect>) {
         for (std::size_t k = 0; k < own.size(); ++k) {
-          Effect::steer(own[k].device, origin, params[k], dt);
+          Effect::steer(own[k].device, origin, params[k], acts_s);
         }
       }
     });
@@ -241,12 +253,65 @@ struct Program {
     return count;
   }
 
+  // What the last substep before a state has added to its vertices.
+  std::vector<Added<T>> added_before(const State& state) const {
+    const std::size_t n = rest.size();
+    std::vector<Added<T>> added(n);
+    if (state.added_u.size() == n && state.added_v.size() == n) {
+      for (std::size_t i = 0; i < n; ++i) {
+        added[i] = {cast<T>(state.added_u[i]), cast<T>(state.added_v[i])};
+      }
+      return added;
+    }
+    const T h = static_cast<T>(dt);
+    const std::vector<Vec3<T>> accelerations = from_outside(state);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!(inverse_mass[i] > T(0))) continue;
+      const Vec3<T>& a = accelerations[i];
+      added[i] = {h * cast<T>(state.v[i]) - (T(0.5) * h * h) * a, h * a};
+    }
+    return added;
+  }
+  static void save_added(const std::vector<Added<T>>& added, State& state) {
+    for (const auto& [u, v] : added) {
+      state.added_u.push_back(cast<double>(u));
+      state.added_v.push_back(cast<double>(v));
+    }
+  }
+
   // The substep that follows `done` substeps.
   Step<T> step(std::uint64_t done) const {
     return {static_cast<T>(dt), static_cast<double>(done + 1) * dt};
   }
 
  private:
+  // [n] m/s2, by the forces from outside. What is elastic is left out: where it is too stiff for
+  // the substep, its acceleration says nothing of the motion.
+  std::vector<Vec3<T>> from_outside(const State& state) const {
+    std::vector<Vec3<T>> sum(rest.size());
+    for_each_slot<EffectKind::force>(effects, [&]<class Effect>(const auto& force) {
+      for (std::size_t i = 0; i < sum.size(); ++i) {
+        sum[i] +=
+            Effect::acceleration(force.device, rest[i], cast<T>(state.u[i]), cast<T>(state.v[i]));
+      }
+    });
+    for_each_slot<EffectKind::element>(effects, [&]<class Effect>(const auto& load) {
+      if constexpr (is_load<Effect>) {
+        for (std::size_t e = 0; e < load.vertices.size(); ++e) {
+          Vec3<T> u[Effect::arity], d[Effect::arity];
+          for (int i = 0; i < Effect::arity; ++i) u[i] = cast<T>(state.u[load.vertices[e][i]]);
+          Evaluation<T, Effect::rows, Effect::arity> c;
+          Effect::evaluate(load.rest[e], u, d, c);
+          for (int i = 0; i < Effect::arity; ++i) {
+            const int v = load.vertices[e][i];
+            sum[v] += inverse_mass[v] * c.preload[i];
+          }
+        }
+      }
+    });
+    return sum;
+  }
+
   static void require_same(bool same, const std::string& field) {
     if (same) return;
     throw Refusal(Refusal::Cause::scene, field, "not as the run began",

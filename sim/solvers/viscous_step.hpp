@@ -54,8 +54,8 @@ struct ViscousStep {
   bool is_due(std::uint64_t step) const { return interval > 0 && step % interval == 0; }
   explicit operator bool() const { return interval > 0; }
 
-  // What a scene needs.
-  static ViscousStep of(const Model& model, const Scene& scene);
+  // What a scene needs where forces act over acts_s in a substep.
+  static ViscousStep of(const Model& model, const Scene& scene, double acts_s);
 };
 
 // 1/s, that of the first bending mode of a bar with the body's principal extents, its mean Young's
@@ -96,11 +96,11 @@ struct ExplicitDamping {
   double share = 1.0;    // of the damping
   double lowered = 0.0;  // share of the tets
 
-  static ExplicitDamping of(const Model& model, double substep_s) {
+  static ExplicitDamping of(const Model& model, double acts_s) {
     ExplicitDamping result;
     double asked = 0.0, acting = 0.0, tets = 0.0;
     for (std::size_t t = 0; t < model.tet_count(); ++t) {
-      const double number = 3.0 * Viscosity::explicit_number(model, t, substep_s);
+      const double number = 3.0 * Viscosity::explicit_number(model, t, acts_s);
       const Material material = model.material(t);
       const double own = lame(material).mu * material.damping * model.volume[t];
       const bool is_lowered = number > Viscosity::bound;
@@ -114,11 +114,12 @@ struct ExplicitDamping {
   }
 };
 
-inline ViscousStep ViscousStep::of(const Model& model, const Scene& scene) {
+inline ViscousStep ViscousStep::of(const Model& model, const Scene& scene, double acts_s) {
   const double dt = scene.time.substep_s();
   ViscousStep step{0, dt};
-  if (!scene.has<Viscosity>() || ExplicitDamping::of(model, dt).share >= explicit_share)
+  if (!scene.has<Viscosity>() || ExplicitDamping::of(model, acts_s).share >= explicit_share) {
     return step;
+  }
   const double longest = std::min(scene.time.frame_s / per_frame,
                                   of_swing / std::max(1e-300, slowest_frequency(model)));
   step.interval = static_cast<int>(std::clamp(longest / dt, 1.0, 1e6));

@@ -154,14 +154,17 @@ struct BoundedTets {
     for (const auto& b : model.rest_inverse) rest_inverse.push_back(cast<T>(b));
   }
 
-  bool has_inverted(const State& state) const {
+  // Whether the bound acts from a state on: none is inverted, and few are crushed.
+  bool begins_at(const State& state) const {
+    std::size_t watched = 0;
     for (std::size_t t = 0; t < vertices.size(); ++t) {
       Vec3<T> u[4];
       for (int i = 0; i < 4; ++i) u[i] = cast<T>(state.u[vertices[t][i]]);
-      if (NeoHookean::volume_strain(displacement_gradient(u, rest_inverse[t])) <= T(-1))
-        return true;
+      const T strain = NeoHookean::volume_strain(displacement_gradient(u, rest_inverse[t]));
+      if (strain <= T(-1)) return false;
+      watched += strain < T(VolumeBound::watched - 1.0);
     }
-    return false;
+    return VolumeBound::goes_on(true, watched, vertices.size());
   }
 };
 

@@ -308,7 +308,7 @@ void World::take(Json changes, bool has_tool) {
           std::max(next->scene.time.substeps, setting_->scene.time.substeps);
       keep_forms(setting_->scene, next->scene);
     }
-    next->stability = sim::apply_policy(model, next->scene, solver_options(run_).method);
+    next->stability = sim::apply_policy(model, next->scene, solver_options(run_));
     const bool same = setting_ && has_tool == hand_.has_tool &&
                       next->stability.switched == setting_->stability.switched &&
                       next->scene.time.substeps == setting_->scene.time.substeps;
@@ -334,6 +334,7 @@ void World::replace_solver(const Setting& next) {
     const int before = setting_->scene.time.substeps, now = next.scene.time.substeps;
     sim::State state = solver_->state();
     state.step = state.step / before * now;
+    if (now != before) state.forget_added();
     other->set_state(state);
     spent_ = seconds();
     if (now != before) log::warn("substeps a frame: {} in place of {}", now, before);

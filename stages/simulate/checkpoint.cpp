@@ -13,7 +13,9 @@ using namespace hdf5;
 namespace {
 
 constexpr const char* carried = "/carried";  // of runs in blocks
-constexpr const char* held = "/held";        // of runs whose elements hold their forces
+constexpr const char* added_u = "/added_u";  // by the last substep
+constexpr const char* added_v = "/added_v";
+constexpr const char* held = "/held";  // of runs whose elements hold their forces
 
 void write_reals(const Handle& file, const fs::path& path, const char* name,
                  std::initializer_list<hsize_t> shape, const void* data) {
@@ -48,6 +50,10 @@ void write_checkpoint(const fs::path& path, const sim::State& state, double subs
   const hsize_t n = state.u.size();
   write_reals(file, path, "/u", {n, 3}, state.u.data());
   write_reals(file, path, "/v", {n, 3}, state.v.data());
+  if (!state.added_u.empty()) {
+    write_reals(file, path, added_u, {n, 3}, state.added_u.data());
+    write_reals(file, path, added_v, {n, 3}, state.added_v.data());
+  }
   write_reals(file, path, "/memory", {state.memory.size()}, state.memory.data());
   if (!state.carried.empty()) {
     write_reals(file, path, carried, {state.carried.size(), 3}, state.carried.data());
@@ -71,6 +77,10 @@ sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim
   const Dataset step = open_dataset(file, path, "/step", H5T_INTEGER, {1});
   state.step = read_values<std::uint64_t>(step, path, "/step", H5T_NATIVE_UINT64)[0];
   state.memory = read_reals(file, path, "/memory", {0});
+  if (H5Lexists(file.id(), added_u, H5P_DEFAULT) > 0) {
+    state.added_u = read_vectors(file, path, added_u, vertices);
+    state.added_v = read_vectors(file, path, added_v, vertices);
+  }
   if (H5Lexists(file.id(), carried, H5P_DEFAULT) > 0) {
     state.carried = read_vectors(file, path, carried, 0);
   }

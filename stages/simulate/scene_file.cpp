@@ -36,6 +36,12 @@ const std::vector<Param>& time_params() {
        .lo = 1.0,
        .hi = 1e6,
        .doc = "steps a frame"},
+      {.name = "order",
+       .type = ParamType::integer,
+       .fallback = grid.order,
+       .lo = 1.0,
+       .hi = 2.0,
+       .doc = "of XPBD's time step: 2, BDF2, or 1, backward Euler, which loses energy"},
       quantity("end", fmt::format("{} s", grid.end_s), "s", 1e-6, 1e5, "longest simulated time")};
   return params;
 }
@@ -319,7 +325,8 @@ class SceneReader {
     const Json time = resolve_map(time_params(), root["time"], "time.");
     file_.scene.time = {.frame_s = 1.0 / time["frame_rate"].get<double>(),
                         .substeps = time["substeps"],
-                        .end_s = time["end"]};
+                        .end_s = time["end"],
+                        .order = time["order"]};
     const Json rest = resolve_map(rest_params(), root["rest"], "rest.");
     file_.scene.rest = {
         .speed = rest["speed"], .hold_s = rest["hold"], .residual = rest["residual"]};

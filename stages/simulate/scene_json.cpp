@@ -55,8 +55,10 @@ Json to_json(const SceneFile& file) {
                                 {"effects", effects_json(change.effects)}});
   }
   const auto& scene = file.scene;
-  json["time"] = {
-      {"frame", scene.time.frame_s}, {"substeps", scene.time.substeps}, {"end", scene.time.end_s}};
+  json["time"] = {{"frame", scene.time.frame_s},
+                  {"substeps", scene.time.substeps},
+                  {"order", scene.time.order},
+                  {"end", scene.time.end_s}};
   json["rest"] = {
       {"speed", scene.rest.speed}, {"hold", scene.rest.hold_s}, {"residual", scene.rest.residual}};
   for (const auto& [name, policy] : stability_policies()) {

@@ -14,6 +14,7 @@
 #include "pipeline/contract/log.hpp"
 #include "sim/explicit_limit.hpp"
 #include "sim/locking.hpp"
+#include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/viscous_step.hpp"
 #include "sim/stability.hpp"
 #include "sim/start.hpp"
@@ -72,15 +73,15 @@ class MetricsFile {
 // The scene's policy over all that the schedule brings; returns the assessment of its worst
 // setting.
 sim::Stability apply_policy(const Schedule& schedule, sim::Model& model, sim::Scene& scene,
-                            sim::Method method) {
+                            const sim::SolverOptions& options) {
   sim::Stability worst;
   for (std::size_t k = 0; k < schedule.count(); ++k) {
     schedule.set(k, model, scene);
-    sim::apply_policy(model, scene, method);
+    sim::apply_policy(model, scene, options);
   }
   for (std::size_t k = 0; k < schedule.count(); ++k) {
     schedule.set(k, model, scene);
-    const sim::Stability found = assess(model, scene, method);
+    const sim::Stability found = assess(model, scene, options);
     if (k == 0 || found.limit.value > worst.limit.value) worst = found;
   }
   schedule.set(0, model, scene);
@@ -101,6 +102,7 @@ void rehearse(const Schedule& schedule, sim::Model& model, sim::Scene& scene, si
 void report_stability(StageRun& run, const sim::Stability& stability, const sim::Scene& scene,
                       int asked_substeps, sim::Method method) {
   run.metric("substeps", scene.time.substeps);
+  run.metric("time_order", scene.time.order);
   run.metric("altitude_min", m_to_mm * stability.altitude_min, "mm");
   std::string numbers;
   if (method == sim::Method::xpbd || method == sim::Method::pbd) {
@@ -131,8 +133,9 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
         "{} is {:.2f} at tet {}: above {:.1f} the run may blow up; {:.0f} substeps are needed",
         limit.name, limit.value, limit.tet, limit.at_most, stability.substeps_needed);
   }
-  log::info("{}{} substeps of {:.3g} ms", numbers, scene.time.substeps,
-            1e3 * scene.time.substep_s());
+  const bool second = scene.time.order == 2;
+  log::info("{}{} substeps of {:.3g} ms, of {} order", numbers, scene.time.substeps,
+            1e3 * scene.time.substep_s(), second ? "second" : "first");
 }
 
 // Linear tets that can hardly bend (sim/locking.hpp), said before the run. PBD knows no material.
@@ -155,12 +158,13 @@ void report_locking(StageRun& run, const sim::Model& model, const sim::SolverOpt
 void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& scene,
                       sim::Method method, const sim::Solver& solver) {
   if (!scene.has<sim::Viscosity>() || method == sim::Method::fem) return;
-  const auto force = sim::ExplicitDamping::of(model, scene.time.substep_s());
+  const double acts_s = sim::acting_time(scene.time.substep_s(), scene.time.order);
+  const auto force = sim::ExplicitDamping::of(model, acts_s);
   const bool solved = solver.solves_damping();
   run.metric("viscosity_lowered", solved ? 0.0 : force.lowered);
   run.gate("damping_acting", solved ? 1.0 : force.share, ">=", least_damping);
   if (solved) {
-    const double every = sim::ViscousStep::of(model, scene).tau();
+    const double every = sim::ViscousStep::of(model, scene, acts_s).tau();
     log::info(
         "damping is solved for every {:.3g} ms and acts in full: as a force {:.1f} % of it "
         "would be stable",
@@ -243,7 +247,7 @@ void simulate(StageRun& run) {
   const Schedule schedule(file);
   const int asked_substeps = file.scene.time.substeps;
   const sim::SolverOptions options = solver_options(run);
-  const sim::Stability stability = apply_policy(schedule, model, file.scene, options.method);
+  const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
   report_stability(run, stability, file.scene, asked_substeps, options.method);
   report_locking(run, model, options);
   report_solver_error(run, stability, file.scene, options.method);

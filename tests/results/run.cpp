@@ -10,9 +10,9 @@ namespace viscera::sim {
 namespace {
 
 // Implicit steps are larger: two where the others take 64.
-Scene after_policy(const Model& model, Scene scene, Method method) {
-  if (method == Method::fem) scene.time.substeps = (scene.time.substeps + 31) / 32;
-  apply_policy(model, scene, method);
+Scene after_policy(const Model& model, Scene scene, const SolverOptions& options) {
+  if (options.method == Method::fem) scene.time.substeps = (scene.time.substeps + 31) / 32;
+  apply_policy(model, scene, options);
   return scene;
 }
 
@@ -52,7 +52,7 @@ bool runs_on_cuda() {
 
 Run::Run(const Model& model, const Scene& scene, const SolverOptions& options)
     : model_(model),
-      scene_(after_policy(model, scene, options.method)),
+      scene_(after_policy(model, scene, options)),
       options_(options),
       solver_(make_under_test(model, scene_, options)) {
   look();

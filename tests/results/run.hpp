@@ -29,7 +29,7 @@ class Run {
   const State& state() const { return state_; }
   const Diagnostics& now() const { return now_; }
   const Scene& scene() const { return scene_; }
-  Stability stability() const { return assess(model_, scene_, options_.method); }
+  Stability stability() const { return assess(model_, scene_, options_); }
   bool finite() const { return finite_; }
   double time() const { return frames_ * scene_.time.frame_s; }
   double peak_energy() const { return peak_energy_; }  // J, since the start

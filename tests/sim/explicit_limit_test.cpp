@@ -77,7 +77,7 @@ TEST(ExplicitLimit, GrowsAsABodyIsStretchedAndAsksForAsManyMoreSubsteps) {
   const ExplicitLimit before = explicit_limit(at_rest.model, scene, at_rest.state);
   const ExplicitLimit after = explicit_limit(stretched.model, scene, stretched.state);
   EXPECT_TRUE(before.exact && after.exact);
-  EXPECT_LE(before.courant, assess(at_rest.model, scene, Method::tled).courant_max);
+  EXPECT_LE(before.courant, assess(at_rest.model, scene, {.method = Method::tled}).courant_max);
   EXPECT_GT(after.courant, 1.4 * before.courant);
   EXPECT_NEAR(after.substeps_needed, std::ceil(50.0 * after.courant / courant_limit), 1.0);
 }

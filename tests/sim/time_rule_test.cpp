@@ -1,0 +1,116 @@
+// The time step of second order: how fast its error falls, what energy it keeps in an impact, and
+// that it does not gain any.
+#include <gtest/gtest.h>
+
+#include "sim/stability.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+struct Swing {
+  Model model = make_box({0.06, 0.03, 0.03}, {4, 2, 2}, soft_tissue);
+  Scene scene = elastic_scene();
+
+  Swing() {
+    scene.params<Gravity>().emplace_back();
+    scene.params<Fixed>().emplace_back().side = "right";
+  }
+  // After a fifth of a second, undamped.
+  State after(const SolverOptions& options, int substeps, int order) const {
+    Scene own = scene;
+    own.time.substeps = substeps;
+    own.time.order = order;
+    const auto solver = make_on_cpu(model, own, options);
+    for (int frame = 0; frame < 12; ++frame) solver->advance_frame();
+    return solver->state();
+  }
+};
+
+double difference(const State& a, const State& b) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < a.u.size(); ++i) sum += dot(a.u[i] - b.u[i], a.u[i] - b.u[i]);
+  return std::sqrt(sum / static_cast<double>(a.u.size()));
+}
+
+TEST(TimeRule, TheErrorOfASwingFallsWithTheSquareOfTheSubstep) {
+  const Swing swing;
+  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::jacobi}) {
+    const SolverOptions options{.scheme = scheme, .precision = Precision::fp64};
+    const State truth = swing.after(options, 2048, 2);
+    const auto error = [&](int substeps, int order) {
+      return difference(swing.after(options, substeps, order), truth);
+    };
+    const double coarse = error(128, 2), fine = error(256, 2);
+    EXPECT_GE(std::log2(coarse / fine), 1.9) << static_cast<int>(scheme);
+    EXPECT_LE(std::log2(coarse / fine), 2.2) << static_cast<int>(scheme);
+    EXPECT_LE(coarse, 0.5 * error(128, 1)) << static_cast<int>(scheme);
+  }
+}
+
+TEST(TimeRule, BlocksWhoseCopiesCarryAndOtherMethodsKeepTheirOwn) {
+  const Scene scene;
+  EXPECT_EQ(order_of(scene, {}), 2);
+  EXPECT_EQ(order_of(scene, {.scheme = Scheme::block_gauss_seidel}), 1);
+  for (const Method method : {Method::pbd, Method::tled}) {
+    EXPECT_EQ(order_of(scene, {.method = method}), 1);
+  }
+  Scene first;
+  first.time.order = 1;
+  EXPECT_EQ(order_of(first, {}), 1);
+}
+
+// At the most that the policy lets through, and beyond: to first order the cube blows up at 1.2.
+TEST(TimeRule, AShakenCubeGainsNoEnergy) {
+  Material tight = soft_tissue;
+  tight.poisson_ratio = 0.45;
+  const Model model = make_cube(4, tight);
+  for (const double cs : {0.3, 0.6, 1.2}) {
+    for (const Precision precision : {Precision::fp32, Precision::fp64}) {
+      Scene scene = elastic_scene();
+      scene.time = {.frame_s = 1e-3, .substeps = 1, .end_s = 1.0};
+      scene.time.frame_s *= cs / assess(model, scene).cs_max;
+      const auto solver = make_on_cpu(model, scene, {.precision = precision});
+      State start{std::vector<Vec3<double>>(model.vertex_count()), {}};
+      std::mt19937 generator(3);
+      for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+        start.v.push_back(random_vector(generator, 0.01));
+      }
+      solver->set_state(start);
+      const double given = diagnose(model, scene, start).total();
+      double now = given;
+      for (int step = 0; step < 500; ++step) {
+        solver->advance_frame();
+        now = diagnose(model, scene, solver->state()).total();
+        ASSERT_LE(now, given) << "Cs " << cs << ", step " << step;
+      }
+      EXPECT_LE(now, 0.1 * given) << "Cs " << cs;
+    }
+  }
+}
+
+// What a state keeps of the last substep is part of it; without, a run goes on nearly as it would.
+TEST(TimeRule, AStateGoesOnAsItWouldHave) {
+  const Swing swing;
+  const SolverOptions options{.precision = Precision::fp64};
+  const auto whole = make_on_cpu(swing.model, swing.scene, options);
+  for (int frame = 0; frame < 6; ++frame) whole->advance_frame();
+  State middle = whole->state();
+  whole->advance_frame();
+  const auto resumed = make_on_cpu(swing.model, swing.scene, options);
+  resumed->set_state(middle);
+  resumed->advance_frame();
+  EXPECT_EQ(resumed->state().hash(), whole->state().hash());
+  middle.forget_added();
+  resumed->set_state(middle);
+  resumed->advance_frame();
+  EXPECT_NE(resumed->state().hash(), whole->state().hash());
+  double moved = 0.0;
+  for (std::size_t i = 0; i < middle.u.size(); ++i) {
+    moved = std::max(moved, norm(whole->state().u[i] - middle.u[i]));
+  }
+  EXPECT_LE(difference(resumed->state(), whole->state()), 0.01 * moved);
+}
+
+}  // namespace
+}  // namespace viscera::sim
