@@ -151,11 +151,7 @@ Outcome all_fixed(const SolverOptions& options) {
 Outcome free_fall(const SolverOptions& options, const Model& model, const Scene& scene) {
   Run run(model, scene, options);
   run.advance_to(0.2);
-  const double dt = run.scene().time.substep_s();
-  const double n = std::round(run.time() / dt);
-  // To second order the parabola itself.
-  const double later = run.scene().time.order == 2 ? 0.0 : 1.0;
-  const double fallen = 9.80665 * dt * dt * n * (n + later) / 2.0;
+  const double fallen = run.free_fall();
   double worst = 0.0;
   for (const auto& u : run.state().u) worst = std::max(worst, norm(u + Vec3<double>{0, 0, fallen}));
   const double bound = options.precision == Precision::fp32 ? 1e-4 : 1e-9;

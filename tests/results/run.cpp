@@ -86,6 +86,11 @@ void Run::settle(double speed, double seconds, double keep) {
   }
 }
 
+double Run::free_fall() const {
+  const double dt = scene_.time.substep_s(), n = std::round(time() / dt);
+  return 9.80665 * dt * dt * n * (scene_.time.order == 2 ? n : n + 1.0) / 2.0;
+}
+
 double Run::elastic_density() const {
   double sum = 0.0;  // mu V, J
   for (std::size_t t = 0; t < model_.tet_count(); ++t) {

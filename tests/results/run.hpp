@@ -35,6 +35,9 @@ class Run {
   double peak_energy() const { return peak_energy_; }  // J, since the start
   double peak_speed() const { return peak_speed_; }
   double min_j() const { return min_j_; }
+  // m, how far a body has fallen freely by the law of the time step: to second order by that of
+  // Galilei, to first order as far as half a substep later.
+  double free_fall() const;
   // Elastic energy per volume over mu: 0 when unstrained.
   double elastic_density() const;
   // Distance from the best rigid copy of the rest shape, rms over vertices, over L.
