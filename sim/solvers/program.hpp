@@ -2,11 +2,12 @@
 // and nothing for those that it does not.
 //
 // A substep, with d the displacement over it:
-//   free way          d = g v, with g the time over which forces act, v and, further on, u a third
-//                     of their last changes further on (time_rule.hpp); to first order g = dt
+//   free way          d = g v, with g the time over which forces act; u and v are extrapolated by a
+//                     third of what the last substep added (time_rule.hpp); to first order by
+//                     nothing, and g = dt
 //   rate forces       d += g^2 M^-1 f(u, d / g): element effects that vanish where nothing moves;
 //                     where that is too little, v is solved for before (viscous_step.hpp)
-//   further on        d += the way to there
+//   further on        d += what u was extrapolated by
 //   force effects     d += g^2 a
 //   motion effects    d leads to where the vertex is told to be
 //   self-contact      d keeps the surface off itself
@@ -15,7 +16,7 @@
 //   region effects    among them: d approaches the moved rest shape
 //   self-contact      d loses what friction takes, and keeps half of the thickness
 //   contact effects   rub: d loses what friction takes; stop: none passes through
-//   end               u += d, v = (d - the way to there) / g; along what stops it d / dt
+//   end               u += d, v = (d - what u was extrapolated by) / g; d / dt along what stops it
 // The velocity comes from d and is never a difference of two positions, so single precision keeps
 // gravity at any substep (Macklin et al., "Small Steps in Physics Simulation", SCA 2019).
 #pragma once

@@ -12,6 +12,9 @@ const std::vector<KnownMiss> known_misses = {
     // Few substeps with many iterations bend the bar far: since tets are held open there, the error
     // rises at two of the steps in place of one.
     {"64 sweeps a frame, as substeps × iterations", "xpbd gauss_seidel", "fp64", 2},
+    // A vertex rebounds from where the substep of its impact began, on the average half a substep
+    // too high: how much is by chance (.036 with the time step of first order).
+    {"vertices that fall 10 cm, e 0.5", "xpbd gauss_seidel", "", 1.08},
     // Explicit, without the stability policy that raises their substeps.
     {"bar of 3,600 tets, 16 substeps", "xpbd jacobi, split 1", "fp64", 1},
     {"bar of 3,600 tets, 32 substeps", "xpbd jacobi, split 1", "fp64", 1},
