@@ -415,7 +415,7 @@ class CudaSolver final : public Solver {
     check(cudaGetLastError(), "launching a kernel");
   }
 
-  // They act on dt v alone (the order of a substep: solvers/program.hpp).
+  // They act on g v alone (the order of a substep: solvers/program.hpp).
   void enqueue_rate_forces() {
     bool begun = false;
     for_each_active<EffectKind::element>([&]<class Effect>(const auto& effect) {

@@ -8,7 +8,7 @@
 //
 // with dF the gradient of the substep's displacement, dE the Green strain over it and b_i = grad
 // N_i (the second Piola-Kirchhoff stress S = 2 eta dE/dt). The registry names it before the elastic
-// effects, so that it acts on d = dt v alone: a loss of kinetic energy between two elastic steps
+// effects, so that it acts on d = g v alone: a loss of kinetic energy between two elastic steps
 // (Lie splitting). The force is taken in full, not through a multiplier, of which one sweep gives
 // smooth motion only half. Each tet's share is a contraction in the norm of the masses while
 //
