@@ -55,7 +55,7 @@ template <class T>
 class CpuSolver final : public Solver {
  public:
   CpuSolver(const Model& model, const Scene& scene, const SolverOptions& options)
-      : program_(program_for(model, scene, options)),
+      : program_(program_for<T>(model, scene, options)),
         options_(options),
         rule_(program_.rule),
         layout_(model, program_, options),
@@ -85,6 +85,7 @@ class CpuSolver final : public Solver {
 
   void advance_frame() override {
     rule_ = volume_bound_.acts() ? program_.rule : program_.rule.to_first_order();
+    set_mobility({0, n_}, rule_.acts);
     for (int left = program_.substeps; left > 0;) {
       const Pace::Stretch stretch = paced_ ? pace_.next(left) : Pace::Stretch{left, false};
       const auto begin = Clock::now();
@@ -106,7 +107,7 @@ class CpuSolver final : public Solver {
     save_memory(own_, state);
     if (layout_.holds) save_held(own_, held_, state);
     if (copies_) copies_->save(state);
-    program_.save_added(last_, state);
+    if (program_.rule.share > T(0)) program_.save_added(last_, state);
     return state;
   }
   void set_state(const State& state) override {
@@ -123,7 +124,7 @@ class CpuSolver final : public Solver {
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune(program_for(model, scene, options_));
+    program_.retune(program_for<T>(model, scene, options_));
     const bool relaid = layout_.solves_damping != static_cast<bool>(program_.viscous_step);
     if (relaid) prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
@@ -163,11 +164,6 @@ class CpuSolver final : public Solver {
   }
 
  private:
-  static Program<T> program_for(const Model& model, const Scene& scene,
-                                const SolverOptions& options) {
-    return {model, scene, order_of(scene, options), damping_for(model, scene, options)};
-  }
-
   void prepare_damping() {
     layout_.solves_damping = static_cast<bool>(program_.viscous_step);
     viscous_step_.reset();
@@ -245,8 +241,10 @@ class CpuSolver final : public Solver {
     }
   }
   void go_further_on(Range mine) {
-    const T longer = rule_.acts / program_.rule.acts;
-    set_mobility(mine, rule_.acts);
+    const TimeRule<T>& usual = program_.rule;
+    if (usual.share == T(0)) return;
+    const T longer = rule_.acts / usual.acts;
+    if (rule_.acts != usual.acts) set_mobility(mine, rule_.acts);
     for (int i = mine.begin; i < mine.end; ++i) {
       if (d_[i].w > T(0)) d_[i].v = longer * d_[i].v + rule_.share * last_[i].u;
     }
@@ -288,8 +286,7 @@ class CpuSolver final : public Solver {
         }
       });
     };
-    viscous_step_->apply(team_, rank, v_, decay,
-                         [this](int i, const Vec3<T>& change) { last_[i].u += rule_.dt * change; });
+    viscous_step_->apply(team_, rank, program_.rule, v_, last_, decay);
     lap.took(Effects::index_of<Viscosity>());
   }
   // Vertices that are led have a velocity too.

@@ -27,10 +27,11 @@ class CpuViscousStep {
   }
 
   // By all of the team. decay(arithmetic, velocity, out) sets out, of this thread's vertices, to
-  // tau M^-1 f(velocity), with f the rate forces; it begins with a barrier. told(i, change) is
-  // told by how much a velocity has changed.
-  template <class Decay, class Taken>
-  void apply(Team& team, int rank, std::vector<Vec3<T>>& v, Decay&& decay, Taken&& told) {
+  // tau M^-1 f(velocity), with f the rate forces; it begins with a barrier. `v` are the velocities
+  // that are damped, `last` what goes with them.
+  template <class Decay>
+  void apply(Team& team, int rank, const TimeRule<T>& rule, std::vector<Vec3<T>>& v,
+             std::vector<Added<T>>& last, Decay&& decay) {
     const Range mine = part_of({0, n_}, rank, team.size());
     decay(Arithmetic::in_full, v, r_);
     for (int i = mine.begin; i < mine.end; ++i) {
@@ -54,10 +55,11 @@ class CpuViscousStep {
     }
     const double against = -inner(team, rank, v, change_),
                  size = inner(team, rank, change_, change_);
-    const T taken = static_cast<T>(share_that_loses_energy(against, size));
+    const T share = static_cast<T>(share_that_loses_energy(against, size));
     for (int i = mine.begin; i < mine.end; ++i) {
-      v[i] += taken * change_[i];
-      told(i, taken * change_[i]);
+      const Vec3<T> taken = share * change_[i];
+      v[i] += taken;
+      last[i].u += rule.dt * taken;
     }
     team.barrier();
   }

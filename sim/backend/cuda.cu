@@ -149,8 +149,8 @@ template <class T>
 class CudaSolver final : public Solver {
  public:
   CudaSolver(const Model& model, const Scene& scene, const SolverOptions& options, std::string name)
-      : CudaSolver(program_for(model, scene, options), BoundedTets<T>(model, scene, options.method),
-                   options, std::move(name)) {}
+      : CudaSolver(program_for<T>(model, scene, options),
+                   BoundedTets<T>(model, scene, options.method), options, std::move(name)) {}
 
   void advance_frame() override {
     const bool smooth = program_.rule.share == T(0) || volume_bound_.acts();
@@ -168,7 +168,7 @@ class CudaSolver final : public Solver {
                 done_.download()[0]};
     save_memory(effects_, state);
     if (layout_.holds) save_held(effects_, held_.download(), state);
-    program_.save_added(last_.download(), state);
+    if (program_.rule.share > T(0)) program_.save_added(last_.download(), state);
     return state;
   }
   void set_state(const State& state) override {
@@ -187,7 +187,7 @@ class CudaSolver final : public Solver {
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune(program_for(model, scene, options_));
+    program_.retune(program_for<T>(model, scene, options_));
     const bool relaid = layout_.solves_damping != static_cast<bool>(program_.viscous_step);
     if (relaid) prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
@@ -279,11 +279,6 @@ class CudaSolver final : public Solver {
     capture();
   }
 
-  static Program<T> program_for(const Model& model, const Scene& scene,
-                                const SolverOptions& options) {
-    return {model, scene, order_of(scene, options), damping_for(model, scene, options)};
-  }
-
   void prepare_damping() {
     layout_.solves_damping = static_cast<bool>(program_.viscous_step);
     viscous_step_.reset();
@@ -294,8 +289,7 @@ class CudaSolver final : public Solver {
                              const BoundedTets<T>& bounded) {
     const std::size_t n = program.rest.size();
     std::size_t bytes = n * (4 * sizeof(Vec3<T>) + sizeof(Added<T>) + 2 * sizeof(T)) +
-                        CudaVolumeBound<T>::bytes(bounded);
-    bytes += bounded.vertices.empty() ? 0 : n * sizeof(Vec3<T>);
+                        CudaVolumeBound<T>::bytes(bounded, n);
     if (layout.holds) bytes += n * 2 * sizeof(Vec3<T>);
     if (layout.solves_damping) bytes += CudaViscousStep<T>::bytes(n);
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {

@@ -151,8 +151,10 @@ class CudaVolumeBound {
   // At the end of a frame, for the next.
   bool acts() const { return count_ == 0 || acts_.download()[0] != 0; }
 
-  static std::size_t bytes(const BoundedTets<T>& tets) {
-    return tets.vertices.size() * (sizeof(Tet) + sizeof(Mat3<T>) + 2 + 2 * sizeof(int));
+  static std::size_t bytes(const BoundedTets<T>& tets, std::size_t vertices) {
+    if (tets.vertices.empty()) return 0;
+    return tets.vertices.size() * (sizeof(Tet) + sizeof(Mat3<T>) + 2 + 2 * sizeof(int)) +
+           vertices * sizeof(Vec3<T>);
   }
 
   // `done` counts the substeps on the device, of which a frame has `substeps`.

@@ -1,9 +1,10 @@
-// Who solves for damping (viscous_step.hpp) and who lets it act as a force.
+// Who solves for damping (viscous_step.hpp), who lets it act as a force, and the program of each.
 #pragma once
 
 #include <vector>
 
 #include "sim/solvers/options.hpp"
+#include "sim/solvers/program.hpp"
 #include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/viscous_step.hpp"
 
@@ -17,6 +18,12 @@ inline ViscousStep damping_for(const Model& model, const Scene& scene,
   const bool solves = options.method == Method::xpbd && options.scheme != Scheme::jacobi;
   const double acts_s = acting_time(scene.time.substep_s(), order_of(scene, options));
   return solves ? ViscousStep::of(model, scene, acts_s) : ViscousStep{};
+}
+
+// What a backend runs of a scene.
+template <class T>
+Program<T> program_for(const Model& model, const Scene& scene, const SolverOptions& options) {
+  return {model, scene, order_of(scene, options), damping_for(model, scene, options)};
 }
 
 // What a backend keeps of an effect takes over its new numbers, where it lies; where damping is
