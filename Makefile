@@ -6,43 +6,66 @@ BIN := build/bin
 OUT := out/stages
 SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -name '*.cu' -o -name '*.cuh')
 
-.PHONY: help packages build run paper study study-full cohort test check-format format clean \
+.PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
         live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
 
-packages: ## install what .packages names and this machine lacks (Debian, Ubuntu)
+packages: ## install what running needs of .packages and this machine lacks (Debian, Ubuntu)
+	@sh .ci/packages run
+
+all-packages: ## install all of .packages: for tests, cohorts and bundles too
 	@sh .ci/packages
 
-build: build/build.ninja ## configure and compile everything
+# The first of `make run` and `make build` configures; what `make build` or `make cuda` added stays.
+build/build.ninja: | packages
+	@cmake --preset run
+
+programs: build/build.ninja ## compile every program, without tests and CUDA
+	@ninja -C build -j $(JOBS) programs
+
+build: all-packages ## compile everything: tests, benchmarks and, where nvcc is found, CUDA
+	@grep -qs '^VISCERA_TESTS:BOOL=ON' build/CMakeCache.txt || cmake --preset release
 	@ninja -C build -j $(JOBS)
 
-build/build.ninja: | packages
-	@cmake --preset release
+cuda: build/build.ninja ## compile every program with the CUDA backend; needs nvcc
+	@cmake -DVISCERA_CUDA=ON build
+	@grep -q '^CMAKE_CUDA_COMPILER:[A-Z]*=/' build/CMakeCache.txt || { \
+	  echo "cuda: nvcc not found; install the CUDA Toolkit and put its bin/ on PATH" >&2; exit 1; }
+	@ninja -C build -j $(JOBS) programs
 
-run: build ## the demo, to out/demo/report.html
+build-times: ## where compile time went: seconds of each folder, then of the 20 longest files
+	@awk -F'\t' 'NR > 1 { last[$$4] = ($$2 - $$1) / 1000 } END { for (f in last) { \
+	    n = split(f, part, "/"); if (n > 1) folder[part[1] "/" part[2]] += last[f] } \
+	  for (d in folder) printf "%8.1f  %s/\n", folder[d], d }' build/.ninja_log | sort -rn
+	@awk -F'\t' 'NR > 1 { last[$$4] = ($$2 - $$1) / 1000 } END { \
+	  for (f in last) printf "%8.1f  %s\n", last[f], f }' build/.ninja_log | sort -rn | head -20
+
+run: build/build.ninja ## the demo, to out/demo/report.html; compiles the programs that it needs
+	@ninja -C build -j $(JOBS) demo
 	@$(BIN)/viscera run configs/demo.yaml
 
-live: build $(OUT)/tetmesh/manifest.json ## the phantom liver to take in the hand: a window
+live: programs $(OUT)/tetmesh/manifest.json ## the phantom liver to take in the hand: a window
 	@$(BIN)/viscera-live configs/scenes/drop.yaml --in mesh=$(OUT)/tetmesh/mesh.vtu
 
 # Gates that fail (5) and runs that diverge (7) are results here: the page shows them.
 SHOWN = || { code=$$?; [ $$code -eq 5 ] || [ $$code -eq 7 ]; }
 
-paper: build ## the source paper's experiments, to out/paper/compare.html
+paper: programs ## the source paper's experiments, to out/paper/compare.html
 	@$(BIN)/viscera run configs/paper.yaml $(SHOWN)
 
-study: build ## what accuracy costs in time, to out/study/compare.html: a quarter of an hour
+study: programs ## what accuracy costs in time, to out/study/compare.html: a quarter of an hour
 	@$(BIN)/viscera run configs/study.yaml $(SHOWN)
 
-study-full: build ## the same in full, to out/study_full/compare.html: many hours
+study-full: programs ## the same in full, to out/study_full/compare.html: many hours
 	@$(BIN)/viscera run configs/study_full.yaml $(SHOWN)
 
 COHORT ?= configs/cohort.yaml
 COHORT_PROFILE ?= pipeline/cohort/local
-cohort: build ## the cases of COHORT through Snakemake, here or by COHORT_PROFILE=pipeline/cohort/slurm
+cohort: programs ## the cases of COHORT through Snakemake, here or by COHORT_PROFILE=pipeline/cohort/slurm
+	@sh .ci/packages cohort
 	@snakemake --snakefile pipeline/cohort/Snakefile --profile $(COHORT_PROFILE) \
 	  --config spec=$(COHORT) $(COHORT_CONFIG)
 
@@ -51,22 +74,22 @@ test: build ## every test; those that need what is absent say that they were ski
 
 # The demo's stages by hand, each on the files of the one before, with the settings of
 # configs/demo.yaml. A missing input is made first.
-stage-labels: build ## viscera-labels on the phantom, into out/stages/labels
+stage-labels: programs ## viscera-labels on the phantom, into out/stages/labels
 	$(BIN)/viscera-labels --in volume=sample_data/phantom.nrrd \
 	  --set 'labels={liver: 1, tumour: 2, vessels: 3}' --out $(OUT)/labels
 
-stage-surface: build $(OUT)/labels/manifest.json ## viscera-surface, into out/stages/surface
+stage-surface: programs $(OUT)/labels/manifest.json ## viscera-surface, into out/stages/surface
 	$(BIN)/viscera-surface --in labels=$(OUT)/labels/labels.nrrd --out $(OUT)/surface
 
-stage-tetmesh: build $(OUT)/surface/manifest.json ## viscera-tetmesh, into out/stages/tetmesh
+stage-tetmesh: programs $(OUT)/surface/manifest.json ## viscera-tetmesh, into out/stages/tetmesh
 	$(BIN)/viscera-tetmesh --in labels=$(OUT)/labels/labels.nrrd \
 	  --in surface=$(OUT)/surface/surface.vtp --set cell_size=10.3mm --out $(OUT)/tetmesh
 
-stage-simulate: build $(OUT)/tetmesh/manifest.json ## viscera-simulate, into out/stages/simulate
+stage-simulate: programs $(OUT)/tetmesh/manifest.json ## viscera-simulate, into out/stages/simulate
 	$(BIN)/viscera-simulate --in mesh=$(OUT)/tetmesh/mesh.vtu \
 	  --in scene=configs/scenes/drop.yaml --out $(OUT)/simulate
 
-stage-report: build $(OUT)/simulate/manifest.json ## viscera-report, into out/stages/report
+stage-report: programs $(OUT)/simulate/manifest.json ## viscera-report, into out/stages/report
 	$(BIN)/viscera-report --in labels=$(OUT)/labels/labels.nrrd \
 	  --in surface=$(OUT)/surface/surface.vtp --in mesh=$(OUT)/tetmesh/mesh.vtu \
 	  --in trajectory=$(OUT)/simulate/trajectory.h5 \
@@ -120,7 +143,7 @@ bench-live: $(LIVE_MESH) ## the live loop without a window, 30k tets: LIVE_FRAME
 
 # 216,000 frames are an hour of the body's time.
 SOAK_FRAMES ?= 216000
-soak: build $(OUT)/tetmesh/manifest.json ## the live loop under random input: SOAK_FRAMES
+soak: programs $(OUT)/tetmesh/manifest.json ## the live loop under random input: SOAK_FRAMES
 	@$(BIN)/viscera-live configs/scenes/drop.yaml --in mesh=$(OUT)/tetmesh/mesh.vtu \
 	  --headless $(SOAK_FRAMES) --random 1
 
@@ -132,14 +155,14 @@ bench-pipeline: build ## the engine's own cost, and BENCH_KILLS kills, full disk
 
 # ThreadSanitizer sees every pair of threads in the tests of equal bits; the rest has one thread.
 # AddressSanitizer is spared the seconds of motion that run the same code again and again.
-sanitize: packages ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
+sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
 	@cmake --preset asan >/dev/null && ninja -C build/asan -j $(JOBS) test_contract test_sim
 	@ctest --test-dir build/asan -L unit -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|^StiffBar.*Newton|^SweepError|AllAgreeOnABar' \
 	  --output-on-failure -j $(JOBS)
 	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
 	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
 
-fuzz: packages ## the image readers under libFuzzer, a minute in all (FUZZ_SECONDS each)
+fuzz: all-packages ## the image readers under libFuzzer, a minute in all (FUZZ_SECONDS each)
 	@.ci/fuzz
 
 format: ## bring every source into the house style

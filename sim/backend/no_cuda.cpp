@@ -11,7 +11,8 @@ CudaDevice find_cuda_device() {
 std::unique_ptr<Ensemble> make_ensemble_on_cuda(const Model&, const Scene&, const SolverOptions&,
                                                 int, const Tune&) {
   throw Refusal(Refusal::Cause::device, "device", find_cuda_device().why_not,
-                "a build made where nvcc is found", "use device: cpu");
+                "a build with the CUDA backend, made where nvcc is found",
+                "make cuda, or use device: cpu");
 }
 
 }  // namespace viscera::sim

@@ -83,8 +83,7 @@ MeshJob::MeshJob(const StageRun& run) {
                                        .allowed = "own or none with mesher: hxt"});
   }
   options_ = {.perturb_and_exude = improver == "cgal",
-              .sliver_angle = run.param<double>("sliver_angle"),
-              .parallel = run.param<std::string>("mesher") == "parallel"};
+              .sliver_angle = run.param<double>("sliver_angle")};
   if (labels) take_labels(run);
   if (!by_fields_) take_surface(run);
   take_sizes(run);
@@ -294,7 +293,7 @@ double MeshJob::estimate_memory(double tets) const {
 
 std::size_t MeshJob::calibrate(double cell_size) {
   const TetMesh trial =
-      build(cell_size, {.parallel = options_.parallel},
+      build(cell_size, {},
             {.rounds = trial_rounds, .graded = !sizes_.uniform(), .thinning = thinning(cell_size)})
           .mesh;
   if (!by_fields_) return trial.tets.size();

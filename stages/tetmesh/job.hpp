@@ -25,8 +25,7 @@ class MeshJob {
   explicit MeshJob(const StageRun& run);
 
   bool by_fields() const { return by_fields_; }
-  bool repeatable() const { return !options_.parallel; }  // the same mesh in every run
-  double body_volume() const { return body_volume_; }     // mm3, of voxels or surface
+  double body_volume() const { return body_volume_; }  // mm3, of voxels or surface
   const std::map<int, double>& label_volumes() const { return label_volumes_; }  // mm3
   const std::map<int, std::string>& names() const { return names_; }
   std::size_t bodies() const { return bodies_; }

@@ -32,8 +32,6 @@ struct Mesh3Options {
   // reweights them.
   bool perturb_and_exude = false;
   double sliver_angle = 10.0;  // deg, dihedral angle below which a tet is a sliver to work on
-  // With all threads of the machine: another mesh every time.
-  bool parallel = false;
 };
 
 // A point on the interface between two labels, from which refinement starts.

@@ -14,12 +14,8 @@
 #include <CGAL/property_map.h>
 #include <CGAL/refine_mesh_3.h>
 #include <CGAL/spatial_sort.h>
-#include <tbb/task_scheduler_observer.h>
 
-#include <mutex>
 #include <numeric>
-#include <set>
-#include <thread>
 #include <utility>
 
 #include "pipeline/contract/log.hpp"
@@ -29,30 +25,10 @@ namespace viscera::mesh3 {
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 
-// The threads that work for TBB while this lives.
-class ThreadCount : tbb::task_scheduler_observer {
- public:
-  ThreadCount() { observe(true); }
-  ~ThreadCount() override { observe(false); }
-  std::size_t get() const {
-    const std::lock_guard lock(mutex_);
-    return threads_.size();
-  }
-
- private:
-  void on_scheduler_entry(bool) override {
-    const std::lock_guard lock(mutex_);
-    threads_.insert(std::this_thread::get_id());
-  }
-  mutable std::mutex mutex_;
-  std::set<std::thread::id> threads_;
-};
-
-template <class Domain, class Concurrency>
+template <class Domain>
 class Mesher {
  public:
-  using Triangulation =
-      typename CGAL::Mesh_triangulation_3<Domain, CGAL::Default, Concurrency>::type;
+  using Triangulation = typename CGAL::Mesh_triangulation_3<Domain>::type;
   using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation>;
   using Criteria = CGAL::Mesh_criteria_3<Triangulation>;
   using Weighted = typename Triangulation::Weighted_point;
@@ -77,17 +53,8 @@ class Mesher {
                             p::facet_distance = LocalLength{sizing, sizing.facet_distance},
                             p::cell_radius_edge_ratio = sizing.radius_edge,
                             p::cell_size = LocalLength{sizing, sizing.cell_size});
-    const auto refine = [&] {
-      CGAL::refine_mesh_3(complex_, domain_, criteria, p::no_perturb(), p::no_exude(),
-                          p::no_lloyd(), p::no_odt(), manifold ? p::manifold() : p::non_manifold());
-    };
-    if constexpr (std::is_convertible_v<Concurrency, CGAL::Parallel_tag>) {
-      const ThreadCount threads;
-      refine();
-      log::info("refined by {} threads", threads.get());
-    } else {
-      refine();
-    }
+    CGAL::refine_mesh_3(complex_, domain_, criteria, p::no_perturb(), p::no_exude(), p::no_lloyd(),
+                        p::no_odt(), manifold ? p::manifold() : p::non_manifold());
   }
 
   // No time limits: a mesh must not depend on the speed of the machine.

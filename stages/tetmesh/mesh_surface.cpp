@@ -5,18 +5,22 @@
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
 #include <CGAL/Polygon_mesh_processing/self_intersections.h>
+#include <CGAL/Polyhedral_mesh_domain_3.h>
+#include <CGAL/Surface_mesh.h>
 
 #include <memory>
 
 #include "pipeline/contract/error.hpp"
-#include "stages/tetmesh/mesh3_surface.hpp"
+#include "stages/tetmesh/mesh.hpp"
+#include "stages/tetmesh/mesh3.hpp"
 #include "stages/tetmesh/spread.hpp"
+#include "stages/tetmesh/vec.hpp"
 
 namespace viscera {
 namespace {
 
 using mesh3::Kernel;
-using mesh3::Triangles;
+using Triangles = CGAL::Surface_mesh<Kernel::Point_3>;
 
 Error bad_surface(const std::string& file, std::string found) {
   return Error(ExitCode::bad_input, {.where = file,
@@ -165,13 +169,18 @@ TetMesh SurfaceBody::mesh(int label, const std::vector<Inside>& interior, const 
         seeds.push_back(p);
       }
   }
-  const auto mesh = options.parallel ? mesh3::SurfaceMesher<CGAL::Parallel_tag>::mesh
-                                     : mesh3::SurfaceMesher<CGAL::Sequential_tag>::mesh;
-  TetMesh tets = mesh(data_->triangles, seeds, interior, sizing, options);
+  using Domain = CGAL::Polyhedral_mesh_domain_3<Triangles, Kernel>;
+  CGAL::Random random(0);
+  const Domain domain(data_->triangles, &random);
+  mesh3::Mesher<Domain> mesher(domain);
+  for (const auto& p : seeds) mesher.add({p[0], p[1], p[2]}, {0, 1});
+  for (const auto& site : interior)
+    mesher.add_inside({site.point[0], site.point[1], site.point[2]}, site.label);
+  mesher.refine(sizing, true);
+  mesher.work_on_slivers(options);
+  TetMesh tets = mesher.extract();
   tets.labels.assign(tets.tets.size(), label);
   return tets;
 }
-
-template struct mesh3::SurfaceMesher<CGAL::Sequential_tag>;
 
 }  // namespace viscera

@@ -70,11 +70,8 @@ std::vector<Param> params() {
       {.name = "mesher",
        .type = ParamType::text,
        .fallback = "cgal",
-       .choices = {"cgal", "parallel", "hxt"},
-       .doc =
-           "cgal: Mesh_3; parallel: Mesh_3 on all cores, which gives another mesh every time, so "
-           "that no later run is given it; hxt: gmsh's HXT between the boundary and interfaces of "
-           "Mesh_3"},
+       .choices = {"cgal", "hxt"},
+       .doc = "cgal: Mesh_3; hxt: gmsh's HXT between the boundary and interfaces of Mesh_3"},
       {.name = "improve",
        .type = ParamType::text,
        .fallback = "auto",
@@ -238,13 +235,12 @@ TimeGoal time_goal(const StageRun& run, const std::map<int, std::string>& names)
 
 Made make_mesh(StageRun& run) {
   MeshJob job(run);
-  if (!job.repeatable()) run.set_uncacheable("mesher: parallel makes another mesh in every run");
   const TimeGoal time = time_goal(run, job.names());
   const double tets = expected_tets(run, job), memory = job.estimate_memory(tets);
   log::info("expecting about {:.0f} thousand tets and {:.0f} MB", tets / 1e3, memory / 1e6);
   const Watchdog watchdog(run.param<double>("time_limit"), memory, run.out("").parent_path());
   double cell_size = settle_cell_size(run, job);
-  const std::clock_t begin = std::clock();  // one thread, but for mesher: parallel
+  const std::clock_t begin = std::clock();  // in one thread
   auto [mesh, mended, improved] = mesh_for(run, job, time, cell_size);
   run.machine_metric("meshing", static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC, "s");
   log::progress("tets", 1.0);
@@ -266,7 +262,6 @@ Made make_mesh(StageRun& run) {
                        .time = time},
             .how = {{"route", job.by_fields() ? "fields" : "surface"},
                     {"cell_size_mm", cell_size},
-                    {"repeatable", job.repeatable()},
                     {"mended", mended_json(mended)}}};
   if (run.has_param("target_tets")) made.wanted.tets = run.param<double>("target_tets");
   if (job.labels()) {

@@ -19,7 +19,8 @@ class Packages : public testing::Test {
     fs::create_directories(folder_.path() / ".ci");
     fs::create_directories(folder_.path() / "bin");
     fs::copy_file(".ci/packages", folder_.path() / ".ci/packages");
-    std::ofstream(folder_.path() / ".packages") << "# tools\ng++\ncmake  # builds\n\nninja-build\n";
+    std::ofstream(folder_.path() / ".packages")
+        << "# all\n[run]\ng++\ncmake  # builds\n\n[test]\nninja-build\n";
     program("id", "echo 0");
     program("dpkg-query",
             "for p; do :; done; case \" $HAVE \" in *\" $p \"*) printf installed;; "
@@ -37,12 +38,14 @@ class Packages : public testing::Test {
   }
 
   // What apt-get was told; the script's own words are in `said_`.
-  std::string run(const std::string& have, const std::vector<std::string>& environment = {}) {
+  std::string run(const std::string& have, const std::vector<std::string>& environment = {},
+                  const std::vector<std::string>& purposes = {}) {
     const std::string folder = folder_.path().string();
     std::vector<std::string> command = {"/usr/bin/env", "PATH=" + folder + "/bin:/usr/bin:/bin",
                                         "HAVE=" + have};
     command.insert(command.end(), environment.begin(), environment.end());
     command.insert(command.end(), {"/bin/sh", folder + "/.ci/packages"});
+    command.insert(command.end(), purposes.begin(), purposes.end());
     const auto end = run_process(command, [](std::string_view) {});
     EXPECT_EQ(end.exit_code, 0);
     said_ = end.output;
@@ -61,6 +64,15 @@ TEST_F(Packages, NothingIsSaidOrDoneWhenAllAreInstalled) {
 
 TEST_F(Packages, OnlyTheMissingOnesAreInstalledWithoutAnUpdate) {
   EXPECT_EQ(run("g++", {"LISTS=1"}), install_);
+}
+
+TEST_F(Packages, OnlyThoseOfThePurposesAskedForAreInstalled) {
+  EXPECT_EQ(run("g++", {"LISTS=1"}, {"run"}), "install -y -q --no-install-recommends cmake\n");
+  EXPECT_EQ(run("g++ cmake", {}, {"run"}), "install -y -q --no-install-recommends cmake\n");
+}
+
+TEST_F(Packages, SeveralPurposesAreInstalledAtOnce) {
+  EXPECT_EQ(run("g++", {"LISTS=1"}, {"test", "run"}), install_);
 }
 
 TEST_F(Packages, ListsThatAreAbsentAreFetchedFirst) {

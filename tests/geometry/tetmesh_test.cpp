@@ -45,27 +45,6 @@ TEST_F(Tetmesh, TheSameLabelsGiveTheSameBytes) {
   EXPECT_EQ(bytes[0], bytes[1]);
 }
 
-TEST_F(Tetmesh, TheParallelMesherMeetsTheGatesAndItsResultIsKeptForNoOtherRun) {
-  const auto input = write(testing::nested_balls());
-  for (const std::string route : {"fields", "surface"}) {
-    const auto& from = route == "fields" ? input : write(testing::ball_surface(20.0));
-    const auto outcome = run(from, {"cell_size=2mm", "mesher=parallel", "min_dihedral=12deg"});
-    ASSERT_EQ(outcome.code, 0) << outcome.log;
-    const auto manifest = testing::read_json(out() / "manifest.json");
-    EXPECT_FALSE(manifest["cacheable"].get<bool>());
-    EXPECT_NE(manifest["uncacheable_because"].get<std::string>().find("another mesh"),
-              std::string::npos);
-    EXPECT_FALSE(testing::read_json(out() / "quality.json")["repeatable"].get<bool>());
-    if (std::thread::hardware_concurrency() > 1) {
-      EXPECT_EQ(outcome.log.find("refined by 1 threads"), std::string::npos) << outcome.log;
-    }
-    EXPECT_NE(outcome.log.find("refined by"), std::string::npos) << outcome.log;
-  }
-  ASSERT_EQ(run(input, {"cell_size=6mm"}).code, 0);
-  EXPECT_TRUE(testing::read_json(out() / "manifest.json")["cacheable"].get<bool>());
-  EXPECT_TRUE(testing::read_json(out() / "quality.json")["repeatable"].get<bool>());
-}
-
 TEST_F(Tetmesh, AnObliqueMirroredFrameGivesPositiveTetsInPlace) {
   LabelImage image = testing::nested_balls();
   image.frame.direction = {0.8, 0.6, 0, -0.6, 0.8, 0, 0, 0, -1};
