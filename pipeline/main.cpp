@@ -1,5 +1,6 @@
 // viscera: runs a spec's stages, each a program of its own, and keeps their results.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
 #include <new>
 
@@ -16,7 +17,9 @@ namespace fs = std::filesystem;
 using namespace viscera;
 
 void add_folders(CLI::App& command, fs::path& out, fs::path& cache) {
-  command.add_option("--out", out, "the run SPEC.yaml writes OUT/SPEC")->default_val("out");
+  command.add_option("--out", out, "the run SPEC.yaml writes OUT/SPEC")
+      ->default_val("out")
+      ->check([](const std::string& path) { return path.empty() ? "an empty path" : ""; });
   command.add_option("--cache", cache, "folder of the cache [OUT/.cache]")
       ->envname("VISCERA_CACHE");
 }
@@ -54,7 +57,8 @@ CLI::App* declare_run(CLI::App& app, RunOptions& options) {
   run->add_option("--gpus", options.gpus, "stages at once that may use a GPU [one for each GPU]")
       ->check(CLI::Range(1, 1024));
   run->add_option("--timeout", options.timeout_s, "for each stage: 90s, 30min, 2h")
-      ->transform(as_seconds());
+      ->transform(as_seconds())
+      ->check(CLI::PositiveNumber);
   run->add_flag("--dry-run", options.dry_run, "say what would run and why; write nothing");
   run->add_flag("--quiet", options.quiet, "warnings and errors only");
   run->add_option_function<std::string>(
@@ -114,10 +118,23 @@ CLI::App* declare_gc(CLI::App& app, GcOptions& options, Places& places) {
   gc->add_option("--max-size", options.max_size, "what may stay: 20GB, 500MB")
       ->transform(CLI::AsSizeValue(true));
   gc->add_option("--max-age", options.max_age_s, "since a result was last used: 30d, 12h")
-      ->transform(as_seconds());
+      ->transform(as_seconds())
+      ->check(CLI::NonNegativeNumber);
   gc->add_flag("--dry-run", options.dry_run, "say what would be removed; remove nothing");
   add_folders(*gc, places.out, places.cache);
   return gc;
+}
+
+// The library's own message for an unknown command is that none was given.
+void check_command(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return;
+  std::vector<std::string> names;
+  for (const auto* command : app.get_subcommands(nullptr)) names.push_back(command->get_name());
+  if (std::ranges::count(names, argv[1])) return;
+  throw Error(ExitCode::usage, {.where = "command line",
+                                .field = argv[1],
+                                .found = "unknown command",
+                                .remedy = suggest(argv[1], names)});
 }
 
 int fail(ExitCode code, const std::string& message) {
@@ -131,6 +148,7 @@ int main(int argc, char** argv) {
   RunOptions options;
   CLI::App app("From a segmented CT to a soft-tissue simulation.", "viscera");
   app.require_subcommand(1);
+  app.set_version_flag("--version", "viscera " VISCERA_VERSION);
   declare_run(app, options);
   Inspecting inspecting;
   declare_inspection(app, inspecting);
@@ -141,7 +159,10 @@ int main(int argc, char** argv) {
   add_folders(*verify, places.out, places.cache);
   const auto* schema = app.add_subcommand("schema", "prints the JSON schema of specs, for editors");
   try {
+    check_command(app, argc, argv);
     app.parse(argc, argv);
+  } catch (const Error& e) {
+    return fail(e.code(), e.what());
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : static_cast<int>(ExitCode::usage);
   }

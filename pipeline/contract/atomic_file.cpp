@@ -49,10 +49,13 @@ void write_atomically(const fs::path& path, std::string_view bytes) {
 }
 
 std::string read_file(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
+  // A device or a pipe may never end.
+  std::error_code failure;
+  std::ifstream file;
+  if (fs::is_regular_file(path, failure)) file.open(path, std::ios::binary);
   std::ostringstream text;
-  if (file && !fs::is_directory(path)) text << file.rdbuf();
-  if (!file || fs::is_directory(path)) {
+  if (file.is_open()) text << file.rdbuf();
+  if (!file.is_open() || !file) {
     throw Error(ExitCode::bad_input, {.where = path.string(),
                                       .found = "cannot be read",
                                       .allowed = "a readable file",

@@ -1,5 +1,9 @@
 #include "pipeline/contract/manifest.hpp"
 
+#include <filesystem>
+
+#include "pipeline/contract/json_text.hpp"
+
 namespace viscera {
 
 Json to_json(const StageInfo& info) {
@@ -137,6 +141,22 @@ Manifest manifest_from_json(const Json& json) {
   m.cpu_s = json.at("cpu_s");
   m.max_rss_mb = json.at("max_rss_mb");
   return m;
+}
+
+std::vector<std::string> outputs_named_by(std::string_view manifest_text) {
+  const Json json = parse_json(manifest_text);
+  std::vector<std::string> names;
+  if (!json.is_object() || !json.contains("outputs") || !json["outputs"].is_array()) return names;
+  for (const auto& file : json["outputs"]) {
+    if (!file.is_object() || !file.contains("path") || !file["path"].is_string()) continue;
+    if (is_file_name(file["path"])) names.push_back(file["path"]);
+  }
+  return names;
+}
+
+bool is_file_name(const std::string& name) {
+  const std::filesystem::path path(name);
+  return !name.empty() && path == path.filename() && name != "." && name != "..";
 }
 
 }  // namespace viscera

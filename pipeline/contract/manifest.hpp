@@ -3,6 +3,7 @@
 
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "pipeline/contract/exit_code.hpp"
@@ -93,5 +94,12 @@ std::string file_name(const std::string& path);
 
 Json to_json(const Manifest& manifest);
 Manifest manifest_from_json(const Json& json);
+
+// The plain file names that the outputs of a `manifest.json` with this text name; none of a text
+// that is no manifest, or of names that lead out of its folder.
+std::vector<std::string> outputs_named_by(std::string_view manifest_text);
+
+// Whether `name` is one, of a file in the folder at hand.
+bool is_file_name(const std::string& name);
 
 }  // namespace viscera

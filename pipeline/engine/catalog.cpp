@@ -8,6 +8,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_text.hpp"
 #include "pipeline/engine/process.hpp"
 
 namespace viscera {
@@ -25,7 +26,7 @@ StageInfo read_declaration(const std::string& stage, const std::string& text) {
                                       .remedy = "build it again"});
   };
   try {
-    StageInfo info = stage_info_from_json(Json::parse(text));
+    StageInfo info = stage_info_from_json(parse_json(text));
     if (info.name != stage) throw fail("it calls itself '" + info.name + "'");
     return info;
   } catch (const Json::exception& e) {

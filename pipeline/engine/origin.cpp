@@ -6,6 +6,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_text.hpp"
 #include "pipeline/contract/manifest.hpp"
 #include "pipeline/engine/inspect.hpp"
 
@@ -16,7 +17,7 @@ namespace {
 std::optional<Manifest> manifest_in(const fs::path& folder) {
   if (!fs::is_regular_file(folder / "manifest.json")) return std::nullopt;
   try {
-    return manifest_from_json(Json::parse(read_file(folder / "manifest.json"), nullptr, false));
+    return manifest_from_json(parse_json(read_file(folder / "manifest.json")));
   } catch (const Json::exception&) {
     return std::nullopt;
   }

@@ -1,6 +1,7 @@
 #include "pipeline/engine/run_record.hpp"
 
 #include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/json_text.hpp"
 #include "pipeline/contract/param.hpp"
 
 namespace viscera {
@@ -16,7 +17,7 @@ auto value_or_null(const Map& map, const std::string& key) {
 
 RunRecord::RunRecord(std::filesystem::path file) : file_(std::move(file)) {
   if (!std::filesystem::is_regular_file(file_)) return;
-  const Json json = Json::parse(read_file(file_), nullptr, false);
+  const Json json = parse_json(read_file(file_));
   try {
     for (const auto& [stage, record] : json.at("stages").items()) {
       finished_[stage] = {record.at("key"), record.at("transcript"), record.value("wall_s", 0.0)};

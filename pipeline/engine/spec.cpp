@@ -1,6 +1,7 @@
 #include "pipeline/engine/spec.hpp"
 
 #include <algorithm>
+#include <set>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/yaml_file.hpp"
@@ -19,6 +20,7 @@ class SpecReader {
       : path_(path), files_(load_spec_files(path)), variables_(path) {}
 
   Spec read(const SpecRequest& request) {
+    check_once(request.sets);
     Spec spec{.path = path_, .name = run_name()};
     for (const auto& file : files_) {
       if (file.root["vars"]) variables_.declare(file.path, file.root["vars"]);
@@ -45,6 +47,18 @@ class SpecReader {
   }
 
  private:
+  static void check_once(const std::vector<std::string>& sets) {
+    std::set<std::string> names;
+    for (const auto& text : sets) {
+      const std::string name = text.substr(0, text.find('='));
+      if (names.insert(name).second) continue;
+      throw Error(ExitCode::usage, {.where = "command line",
+                                    .field = "--set " + name,
+                                    .found = "given twice",
+                                    .allowed = "one value for each name"});
+    }
+  }
+
   std::string run_name() const {
     const std::string name = path_.stem().string();
     if (!name.starts_with('.')) return name;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "pipeline/contract/json_text.hpp"
 #include "pipeline/contract/log.hpp"
 
 namespace viscera {
@@ -40,7 +41,7 @@ std::string gates_text(const StatusRow& row) {
 std::string show_stage_line(const std::string& stage, std::string_view line,
                             const std::function<std::string()>& progress_note) {
   log::set_name(stage);
-  const Json json = Json::parse(line, nullptr, false);
+  const Json json = parse_json(line);
   std::string error;
   try {
     if (json.is_object() && json.contains("progress")) {

@@ -10,6 +10,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_text.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
@@ -25,11 +26,6 @@ void make_folder(const fs::path& folder) {
                                 .found = "cannot be made: " + failure.message(),
                                 .allowed = "a folder you may write to",
                                 .remedy = "choose another --out or --cache"});
-}
-
-bool is_file_name(const std::string& name) {
-  const fs::path path(name);
-  return !name.empty() && path == path.filename() && name != "." && name != "..";
 }
 
 // An entry's own checksum: what it says cannot change unnoticed.
@@ -99,7 +95,7 @@ Lookup Store::find(const std::string& key) {
 
 Lookup Store::read_entry(const std::string& key) const {
   if (!fs::exists(entry_file(key))) return {};
-  const Json json = Json::parse(read_file(entry_file(key)), nullptr, false);
+  const Json json = parse_json(read_file(entry_file(key)));
   try {
     Entry entry{.key = key,
                 .transcript = json.at("transcript"),
@@ -133,7 +129,7 @@ Entry Store::publish(const std::string& key, const std::string& transcript, cons
   const fs::path manifest_file = work / "manifest.json";
   if (!fs::exists(manifest_file)) throw unsound(work.string(), "the stage left no manifest.json");
   Entry entry{.key = key, .transcript = transcript};
-  entry.manifest_json = Json::parse(read_file(manifest_file), nullptr, false);
+  entry.manifest_json = parse_json(read_file(manifest_file));
   try {
     entry.manifest = manifest_from_json(entry.manifest_json);
   } catch (const Json::exception& e) {
@@ -187,13 +183,7 @@ void Store::materialise(const Entry& entry, const fs::path& folder) {
   const std::string old = fs::exists(manifest_file) ? read_file(manifest_file) : "";
   if (old != manifest && !old.empty()) {
     fs::remove(manifest_file);
-    const Json json = Json::parse(old, nullptr, false);
-    if (json.is_object() && json.contains("outputs")) {
-      for (const auto& file : json["outputs"]) {
-        const std::string name = file.value("path", "");
-        if (is_file_name(name)) fs::remove(folder / name);
-      }
-    }
+    for (const auto& name : outputs_named_by(old)) fs::remove(folder / name);
   }
   for (const auto& output : entry.manifest.outputs) place(output, folder / output.path);
   if (old != manifest) write_atomically(manifest_file, manifest);

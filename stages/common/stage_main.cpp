@@ -122,6 +122,12 @@ Json read_params(const StageInfo& info, const std::vector<std::string>& set) {
   Json given = Json::object();
   for (const auto& text : set) {
     const auto [name, value] = split_assignment(text, "--set");
+    if (given.contains(name)) {
+      throw Error(ExitCode::usage, {.where = "command line",
+                                    .field = "--set " + name,
+                                    .found = "given twice",
+                                    .allowed = "one value for each parameter"});
+    }
     given[name] = value_from_text(value);
   }
   return resolve(info.params, given, "command line");
@@ -170,14 +176,9 @@ void publish(const fs::path& work, const fs::path& out, const std::vector<FileDi
              const std::string& manifest) {
   const fs::path manifest_path = out / "manifest.json";
   if (fs::exists(manifest_path)) {
-    const Json old = Json::parse(read_file(manifest_path), nullptr, false);
+    const auto stale = outputs_named_by(read_file(manifest_path));
     fs::remove(manifest_path);
-    if (old.is_object() && old.contains("outputs")) {
-      for (const auto& file : old["outputs"]) {
-        const fs::path stale = file.value("path", "");
-        if (!stale.empty() && stale == stale.filename()) fs::remove(out / stale);
-      }
-    }
+    for (const auto& name : stale) fs::remove(out / name);
   }
   for (const auto& file : outputs) fs::rename(work / file.path, out / file.path);
   write_atomically(manifest_path, manifest);

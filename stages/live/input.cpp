@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_text.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera::live {
@@ -17,7 +18,7 @@ Json header_of(const World& world) {
 }
 
 Json parse(const std::string& line, const std::string& where) {
-  const Json json = Json::parse(line, nullptr, false);
+  const Json json = parse_json(line);
   if (json.is_object()) return json;
   throw Error(ExitCode::bad_input, {.where = where,
                                     .found = "not a JSON object",
@@ -53,13 +54,14 @@ void InputLog::add(std::uint64_t frame, const Command& command) {
 }
 
 Replay::Replay(const std::filesystem::path& path, const World& world) {
-  std::ifstream file(path);
+  std::ifstream file;
+  if (std::filesystem::is_regular_file(path)) file.open(path);  // a device may never end
   const auto where = [&path](int number) { return fmt::format("{}:{}", path.string(), number); };
   std::string line;
   if (!std::getline(file, line)) {
     throw Error(ExitCode::bad_input, {.where = path.string(),
                                       .field = "--replay",
-                                      .found = "missing or empty",
+                                      .found = "missing, empty or no file",
                                       .allowed = "input that viscera-live recorded (--log-input)"});
   }
   check_header(line, world, where(1));

@@ -120,7 +120,18 @@ void make_report(StageRun& run) {
 }  // namespace
 
 Stage report_stage() {
-  return {.info = report_info(), .run = make_report, .check = check};
+  const auto run = [](StageRun& it) {
+    try {
+      make_report(it);
+    } catch (const Json::exception& e) {
+      throw Error(ExitCode::bad_input,
+                  {.where = "scene.json, quality.json or labels.json beside the inputs",
+                   .found = std::string("a value of another type: ") + e.what(),
+                   .allowed = "the file as its stage wrote it",
+                   .remedy = "run the stage that wrote it again"});
+    }
+  };
+  return {.info = report_info(), .run = run, .check = check};
 }
 
 }  // namespace viscera

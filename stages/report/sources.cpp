@@ -11,6 +11,7 @@
 #include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/input_digest.hpp"
+#include "pipeline/contract/json_text.hpp"
 #include "pipeline/contract/manifest.hpp"
 
 namespace viscera {
@@ -37,7 +38,7 @@ Error damaged(const fs::path& path, const std::string& field, const std::string&
 // The object in a JSON file; null when the file is absent.
 Json read_object(const fs::path& path) {
   if (!fs::exists(path)) return nullptr;
-  Json json = Json::parse(read_file(path), nullptr, false);
+  Json json = parse_json(read_file(path));
   if (!json.is_object()) throw damaged(path, "file", "not a JSON object", "a JSON object");
   return json;
 }

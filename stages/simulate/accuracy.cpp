@@ -10,6 +10,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/input_digest.hpp"
+#include "pipeline/contract/json_text.hpp"
 #include "pipeline/contract/log.hpp"
 #include "sim/solvers/make.hpp"
 
@@ -133,7 +134,7 @@ void take_accuracy(StageRun& run) {
                                   .allowed = "accuracy beside --in study=study.json",
                                   .remedy = "make one: viscera run configs/study.yaml"});
   }
-  const Json study = Json::parse(read_file(run.input("study")), nullptr, false);
+  const Json study = parse_json(read_file(run.input("study")));
   try {
     const Json& scene = scene_in(run, study);
     const auto all = reaching(run, scene, run.param<double>("accuracy"));

@@ -6,6 +6,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_text.hpp"
 #include "pipeline/contract/log.hpp"
 #include "stages/simulate/checkpoint.hpp"
 
@@ -46,7 +47,7 @@ fs::path Resume::file(const char* what, std::size_t frames, const char* kind) co
 }
 
 Outcome Resume::read(std::size_t frames) const {
-  const Json course = Json::parse(read_file(file("course", frames, "json")));
+  const Json course = parse_json(read_file(file("course", frames, "json")));
   if (course.at("params") != params_) {
     throw Error(ExitCode::bad_input, {.where = folder_.string(), .found = "another run's"});
   }

@@ -373,6 +373,11 @@ class SceneReader {
       if (!expectation.min && !expectation.max) {
         throw fail(item.second, field, "neither min nor max", "{min: NUMBER, max: NUMBER}, or one");
       }
+      if (expectation.min > expectation.max && expectation.max) {
+        throw fail(item.second, field,
+                   fmt::format("min {} above max {}", *expectation.min, *expectation.max),
+                   "min at most max", "exchange the two");
+      }
       file_.expect.push_back(std::move(expectation));
     }
   }

@@ -174,6 +174,106 @@ TEST(Folders, AnOutOrCacheThatCannotBeMadeIsAUsageErrorNamingIt) {
   EXPECT_EQ(count(work.started(), " run"), 0);
 }
 
+struct BadCommand {
+  const char* name;
+  std::vector<std::string> arguments;
+  std::vector<std::string> says;
+};
+
+std::ostream& operator<<(std::ostream& out, const BadCommand& bad) {
+  return out << bad.name;
+}
+
+class CommandLine : public testing::TestWithParam<BadCommand> {};
+
+TEST_P(CommandLine, ThatCannotBeMeantIsAUsageErrorBeforeAnyStageRuns) {
+  const Workplace work;
+  const auto end = work.viscera(GetParam().arguments);
+  EXPECT_EQ(end.exit, 2) << end.errors;
+  for (const auto& part : GetParam().says) {
+    EXPECT_TRUE(contains(end.errors + end.out, part)) << end.errors;
+  }
+  EXPECT_EQ(work.started(), "");
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Each, CommandLine,
+    testing::ValuesIn(std::vector<BadCommand>{
+        {"MistypedCommand", {"rnu", "spec.yaml"}, {"'run'"}},
+        {"NoTime", {"run", "spec.yaml", "--timeout", "0"}, {"--timeout"}},
+        {"TimeBelowZero", {"run", "spec.yaml", "--timeout=-1h"}, {"--timeout"}},
+        {"AgeBelowZero", {"gc", "--max-age=-1d"}, {"--max-age"}},
+        {"EmptyOut", {"run", "spec.yaml", "--out", ""}, {"--out", "empty"}},
+        {"SetTwice",
+         {"run", "spec.yaml", "--set", "input=volume.txt", "--set", "input=other.txt"},
+         {"--set input", "twice"}},
+    }),
+    [](const auto& each) { return each.param.name; });
+
+TEST(CommandLine, TellsTheVersion) {
+  const auto end = Workplace().viscera({"--version"});
+  EXPECT_EQ(end.exit, 0);
+  EXPECT_TRUE(end.out.starts_with("viscera 0.")) << end.out;
+}
+
+// 200,000 levels: enough to exhaust the stack of a reader without a bound.
+const std::string& deep_json() {
+  static const std::string text = std::string(200000, '[') + std::string(200000, ']');
+  return text;
+}
+
+TEST(DeepJson, AsACacheEntryIsMadeAgainAndVerifyRemovesIt) {
+  const Workplace work;
+  ASSERT_EQ(work.run().exit, 0);
+  const auto spoil = [&work] {
+    for (const auto& entry : fs::directory_iterator(work.path("out/.cache/entries"))) {
+      fs::permissions(entry.path(), fs::perms::owner_all);
+      write_atomically(entry.path(), deep_json());
+    }
+  };
+  spoil();
+  work.started();
+  const auto again = work.run();
+  EXPECT_EQ(again.exit, 0) << again.errors;
+  EXPECT_EQ(count(work.started(), " run"), 3);
+  spoil();
+  EXPECT_NE(work.viscera({"verify"}).exit, 139);
+  EXPECT_TRUE(fs::is_empty(work.path("out/.cache/entries")));
+  EXPECT_EQ(work.viscera({"gc"}).exit, 0);
+}
+
+TEST(ForeignManifest, InTheOutFolderIsReplacedAndNothingElseThere) {
+  for (const std::string& text : {std::string(R"({"outputs": ["notes.txt", 7, {"path": 3}]})"),
+                                  std::string(R"({"outputs": [{"path": "../notes.txt"}]})"),
+                                  std::string("[1, 2]"), deep_json()}) {
+    const Workplace work;
+    work.write("notes.txt", "mine");
+    fs::create_directories(work.path("out/alpha"));
+    work.write("out/alpha/notes.txt", "mine too");
+    work.write("out/alpha/manifest.json", text);
+    const auto end = work.finish(work.start_program(
+        "bin/viscera-alpha", {"run", "--in", "volume=volume.txt", "--out", "out/alpha"}));
+    EXPECT_EQ(end.exit, 0) << end.errors;
+    EXPECT_EQ(work.read("notes.txt") + work.read("out/alpha/notes.txt"), "minemine too");
+    EXPECT_TRUE(contains(work.read("out/alpha/manifest.json"), "\"stage\": \"alpha\""));
+  }
+}
+
+TEST(StageByHand, ArgumentsFromADeviceAndAParameterTwiceAreRefused) {
+  const Workplace work;
+  const auto alpha = [&work](const std::vector<std::string>& arguments) {
+    return work.finish(work.start_program("bin/viscera-alpha", arguments));
+  };
+  const auto device = alpha({"run", "--arguments", "/dev/zero"});
+  EXPECT_EQ(device.exit, 4) << device.errors;
+  EXPECT_TRUE(contains(device.errors, "/dev/zero")) << device.errors;
+  const auto twice = alpha(
+      {"run", "--in", "volume=volume.txt", "--out", "new", "--set", "text=a", "--set", "text=b"});
+  EXPECT_EQ(twice.exit, 2) << twice.errors;
+  EXPECT_TRUE(contains(twice.errors, "twice")) << twice.errors;
+  EXPECT_FALSE(fs::exists(work.path("new")));
+}
+
 TEST(StageByHand, ARefusedInputOrAFailureLeavesNoFolder) {
   const Workplace work;
   const auto alpha = [&work](const std::string& volume, const std::string& how) {

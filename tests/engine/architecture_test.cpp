@@ -7,6 +7,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "pipeline/contract/atomic_file.hpp"
+
 namespace viscera {
 namespace {
 
@@ -119,6 +121,21 @@ TEST(Architecture, TheRulesNoticeAnArrowThatPointsTheWrongWay) {
   EXPECT_FALSE(refused("stages/simulate/stage.cpp", "#include \"sim/model.hpp\""));
   EXPECT_FALSE(refused("sim/backend/cuda.cu", "#include <cuda_runtime.h>"));
   EXPECT_FALSE(refused("sim/solvers/fem.cpp", "#include <Eigen/Sparse>"));
+}
+
+// Elsewhere its depth would have no bound.
+TEST(Architecture, JsonIsParsedInOnePlace) {
+  for (const char* room : {"pipeline", "stages", "sim", "sample_data"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(room)) {
+      const fs::path& file = entry.path();
+      if (file.extension() != ".cpp" && file.extension() != ".hpp") continue;
+      if (file == "pipeline/contract/json_text.cpp") continue;
+      const std::string text = read_file(file);
+      for (const char* call : {"Json::parse", "json::parse", "json::accept"}) {
+        EXPECT_EQ(text.find(call), std::string::npos) << file << " calls " << call;
+      }
+    }
+  }
 }
 
 TEST(Architecture, OnlyTheBackendHoldsCuda) {

@@ -8,6 +8,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_text.hpp"
 #include "pipeline/contract/log.hpp"
 #include "stages/report/cohort/outliers.hpp"
 #include "stages/report/page.hpp"
@@ -128,9 +129,9 @@ std::string table_of(const Json& rows, const std::vector<Column>& columns) {
 
 Json read_runs_file(const StageRun& run) {
   const auto path = run.input("runs");
-  Json runs = Json::parse(read_file(path), nullptr, false);
-  const bool sound = runs.is_object() && runs.value("schema", 0) == 1 && runs.contains("cases") &&
-                     runs["cases"].is_array() && !runs["cases"].empty();
+  Json runs = parse_json(read_file(path));
+  const bool sound = runs.is_object() && runs.value("schema", Json()) == 1 &&
+                     runs.contains("cases") && runs["cases"].is_array() && !runs["cases"].empty();
   if (sound) return runs;
   throw Error(ExitCode::bad_input, {.where = path.string(),
                                     .field = "cases",
