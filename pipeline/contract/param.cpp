@@ -191,6 +191,15 @@ Json resolve_value(const Param& param, const Json& given, const std::string& whe
   throw fail();
 }
 
+Json resolve_required(const Param& param, const Json& given, const std::string& where,
+                      const std::string& field) {
+  if (!given.is_null()) return resolve_value(param, given, where, field);
+  throw Error(ExitCode::bad_config, {.where = where,
+                                     .field = field,
+                                     .found = "no value, or one of another kind",
+                                     .allowed = allowed_text(param)});
+}
+
 Json resolve(const std::vector<Param>& declared, const Json& given, const std::string& where,
              const std::string& prefix) {
   std::vector<std::string> names;

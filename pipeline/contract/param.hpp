@@ -41,6 +41,10 @@ Json value_from_text(const std::string& text);
 Json resolve_value(const Param& param, const Json& given, const std::string& where,
                    const std::string& field);
 
+// The same where a value must stand: null throws Error(bad_config) too.
+Json resolve_required(const Param& param, const Json& given, const std::string& where,
+                      const std::string& field);
+
 // Every declared parameter with its given value or default, in declared order. `prefix`
 // ("tetmesh.") leads the field names of errors. Unknown names throw Error(bad_config) with the
 // nearest valid one.

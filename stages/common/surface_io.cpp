@@ -16,6 +16,7 @@
 
 #include "pipeline/contract/error.hpp"
 #include "stages/common/label_names_vtk.hpp"
+#include "stages/common/trial_read.hpp"
 #include "stages/common/vtk_messages.hpp"
 
 namespace viscera {
@@ -67,6 +68,10 @@ SurfaceMesh read_vtp(const std::filesystem::path& path) {
   vtkNew<vtkXMLPolyDataReader> reader;
   reader->SetFileName(path.c_str());
   const bool is_vtp = reader->CanReadFile(path.c_str()) != 0;
+  if (is_vtp) {
+    const std::string broken = what_breaks_reading(path, [&reader] { reader->Update(); });
+    if (!broken.empty()) throw bad_surface(path, "Piece", broken, "a whole .vtp file");
+  }
   if (is_vtp) reader->Update();
   if (!is_vtp || reader->GetErrorCode() != 0 || !messages.first().empty()) {
     throw bad_surface(

@@ -23,6 +23,7 @@
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
 #include "stages/common/label_names_vtk.hpp"
+#include "stages/common/trial_read.hpp"
 #include "stages/common/vtk_messages.hpp"
 
 namespace viscera {
@@ -170,6 +171,10 @@ vtkSmartPointer<vtkUnstructuredGrid> read_grid(const std::filesystem::path& path
   vtkNew<vtkXMLUnstructuredGridReader> reader;
   reader->SetFileName(path.c_str());
   const bool is_vtu = reader->CanReadFile(path.c_str()) != 0;
+  if (is_vtu) {
+    const std::string broken = what_breaks_reading(path, [&reader] { reader->Update(); });
+    if (!broken.empty()) throw bad_mesh(path, "Piece", broken, "a whole .vtu file");
+  }
   if (is_vtu) reader->Update();
   vtkUnstructuredGrid* grid = is_vtu ? reader->GetOutput() : nullptr;
   if (grid == nullptr || reader->GetErrorCode() != 0 || !messages.first().empty()) {

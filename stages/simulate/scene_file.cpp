@@ -130,8 +130,8 @@ class SceneReader {
         throw fail(map, prefix + param.name, "missing", param.doc + " in " + param.unit);
       }
       resolved[param.name] =
-          resolve_value(param, given ? value(node) : param.fallback,
-                        given ? place_of(path_, node) : path_.string(), prefix + param.name);
+          resolve_required(param, given ? value(node) : param.fallback,
+                           given ? place_of(path_, node) : path_.string(), prefix + param.name);
     }
     return resolved;
   }
@@ -185,7 +185,8 @@ class SceneReader {
       check_keys(item, "schedule.", {"at", "materials", "effects"});
       if (!item["at"]) throw fail(item, "schedule.at", "missing", example);
       const double before = now.at_s;
-      now.at_s = resolve_value(at, value(item["at"]), place_of(path_, item["at"]), "schedule.at");
+      now.at_s =
+          resolve_required(at, value(item["at"]), place_of(path_, item["at"]), "schedule.at");
       if (!(now.at_s > before)) {
         throw fail(item["at"], "schedule.at", fmt::format("{} s", now.at_s),
                    fmt::format("later than {} s: changes in the order of time", before));
@@ -309,7 +310,8 @@ class SceneReader {
     }
     std::array<double, 3> v;
     for (int i = 0; i < 3; ++i) {
-      const Json number = resolve_value(component, value[i], path_.string(), prefix + field.name);
+      const Json number =
+          resolve_required(component, value[i], path_.string(), prefix + field.name);
       if (number.is_null()) {
         throw Error(ExitCode::bad_config, {.where = path_.string(),
                                            .field = prefix + field.name,

@@ -144,7 +144,7 @@ void MeshJob::take_sizes(const StageRun& run) {
                                          .remedy = suggest(name, known)});
     }
     sizes_.label_sizes[label->first] =
-        resolve_value(size, value, "parameters", "sizes." + name).get<double>();
+        resolve_required(size, value, "parameters", "sizes." + name).get<double>();
   }
   if (!by_fields_ && !sizes_.uniform()) {
     throw bad_route("surface, with sizes or interface_size",

@@ -81,5 +81,39 @@ TEST(TetIo, BrokenFilesAreRefusedByName) {
   EXPECT_NE(refusal(path).find("point 2 is not finite"), std::string::npos) << refusal(path);
 }
 
+// One tet in the words of the format, with what is written of its counts and of its label.
+std::string one_tet(const std::string& points, const std::string& cells, const std::string& label) {
+  return "<?xml version=\"1.0\"?>\n"
+         "<VTKFile type=\"UnstructuredGrid\" version=\"0.1\" byte_order=\"LittleEndian\">"
+         "<UnstructuredGrid><Piece NumberOfPoints=\"" +
+         points + "\" NumberOfCells=\"" + cells +
+         "\">"
+         "<Points><DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"ascii\">"
+         "0 0 0 10 0 0 0 10 0 0 0 10</DataArray></Points>"
+         "<Cells><DataArray type=\"Int64\" Name=\"connectivity\" format=\"ascii\">0 1 2 "
+         "3</DataArray>"
+         "<DataArray type=\"Int64\" Name=\"offsets\" format=\"ascii\">4</DataArray>"
+         "<DataArray type=\"UInt8\" Name=\"types\" format=\"ascii\">10</DataArray></Cells>"
+         "<CellData><DataArray type=\"Float64\" Name=\"label\" format=\"ascii\">" +
+         label + "</DataArray></CellData></Piece></UnstructuredGrid></VTKFile>\n";
+}
+
+// The reader of VTK 9.1 itself crashes on some of these, or takes memory until there is none.
+TEST(TetIo, CountsThatTheArraysDoNotFillAndLabelsThatAreNoNumbersAreRefused) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const fs::path path = folder.path() / "mesh.vtu";
+  write_atomically(path, one_tet("4", "1", "3"));
+  EXPECT_EQ(read_vtu(path).labels, std::vector<int>{3});
+  const struct {
+    const char *points, *cells, *label;
+  } broken[] = {{"4", "1", "nan"},         {"4", "1", ""},           {"4", "100", "3"},
+                {"5", "1", "3"},           {"1073741824", "1", "3"}, {"4", "1073741824", "3"},
+                {"99999999999", "1", "3"}, {"4", "99999999999", "3"}};
+  for (const auto& [points, cells, label] : broken) {
+    write_atomically(path, one_tet(points, cells, label));
+    EXPECT_NE(refusal(path).find("mesh.vtu"), std::string::npos) << points << ' ' << cells;
+  }
+}
+
 }  // namespace
 }  // namespace viscera
