@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include "pipeline/contract/atomic_file.hpp"
@@ -33,6 +34,7 @@ class Simulate : public testing::Test {
 
   fs::path path(const std::string& name) const { return folder_.path() / name; }
 
+  // On the CPU where `extra` names no device.
   std::vector<std::string> command_line(const std::vector<std::string>& extra,
                                         const std::string& out) const {
     std::vector<std::string> words = {"viscera-simulate",
@@ -40,10 +42,11 @@ class Simulate : public testing::Test {
                                       "mesh=" + path("mesh.vtu").string(),
                                       "--in",
                                       "scene=" + path("scene.yaml").string(),
-                                      "--set",
-                                      "device=cpu",
                                       "--out",
                                       path(out).string()};
+    const auto names_device = [](const std::string& word) { return word.starts_with("device="); };
+    if (std::ranges::none_of(extra, names_device))
+      words.insert(words.end(), {"--set", "device=cpu"});
     words.insert(words.end(), extra.begin(), extra.end());
     return words;
   }
