@@ -21,6 +21,25 @@ std::string shown(const std::vector<hsize_t>& shape) {
   return text;
 }
 
+// What deflate can make of one byte, rounded up.
+constexpr double most_expansion = 1100.0;
+
+// The extents in a header may say anything: what is stored tells how many values there can be.
+void check_claim(const Dataset& dataset, const fs::path& path, const char* name,
+                 std::size_t value_bytes) {
+  double claimed = static_cast<double>(value_bytes);
+  for (const hsize_t n : dataset.shape) claimed *= static_cast<double>(n);
+  const Handle creation(H5Dget_create_plist(dataset.set.id()), H5Pclose);
+  const double stored = std::min(static_cast<double>(H5Dget_storage_size(dataset.set.id())),
+                                 static_cast<double>(fs::file_size(path)));
+  const double most = H5Pget_nfilters(creation.id()) > 0 ? most_expansion * stored : stored;
+  if (claimed > most) {
+    throw read_error(path, name,
+                     fmt::format("shape {}, {:.0f} bytes stored", shown(dataset.shape), stored),
+                     "no more values than are stored");
+  }
+}
+
 }  // namespace
 
 Error write_error(const fs::path& path, const std::string& what) {
@@ -39,8 +58,9 @@ Error read_error(const fs::path& path, const std::string& field, const std::stri
                                      .remedy = "write the file again with viscera-simulate"});
 }
 
-Handle create_hdf5(const fs::path& path) {
+Handle create_hdf5(const fs::path& path, hsize_t user_bytes) {
   const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
+  H5Pset_userblock(creation.id(), user_bytes);
   H5Pset_obj_track_times(creation.id(), false);
   const Handle access = file_access();
   Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation.id(), access.id()), H5Fclose);
@@ -97,7 +117,9 @@ Dataset open_dataset(const Handle& file, const fs::path& path, const char* name,
     throw read_error(path, name, "shape " + shown(shape) + " or another type",
                      fmt::format("{} of shape {} (0: any)", wanted, shown(expected)));
   }
-  return {std::move(set), std::move(shape)};
+  Dataset dataset{std::move(set), std::move(shape)};
+  check_claim(dataset, path, name, H5Tget_size(type.id()));
+  return dataset;
 }
 
 }  // namespace viscera::hdf5

@@ -58,8 +58,9 @@ Error write_error(const std::filesystem::path& path, const std::string& what);
 Error read_error(const std::filesystem::path& path, const std::string& field,
                  const std::string& found, const std::string& allowed);
 
-// Throw Error(usage) and Error(bad_input).
-Handle create_hdf5(const std::filesystem::path& path);
+// Throw Error(usage) and Error(bad_input). The first `user_bytes` of the file (0, or a power of 2
+// from 512) stay the caller's own.
+Handle create_hdf5(const std::filesystem::path& path, hsize_t user_bytes = 0);
 Handle open_hdf5(const std::filesystem::path& path);
 
 Handle untimed_dataset();  // creation properties

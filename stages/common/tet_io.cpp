@@ -78,9 +78,13 @@ void read_tets(const std::filesystem::path& path, vtkUnstructuredGrid& grid, boo
   vtkNew<vtkIdList> ids;
   for (const vtkIdType c : cells) {
     grid.GetCellPoints(c, ids);
+    if (ids->GetNumberOfIds() != 4) {
+      throw bad_mesh(path, "Cells", fmt::format("cell {} has {} points", c, ids->GetNumberOfIds()),
+                     "4 points a tetrahedron");
+    }
     auto& tet = mesh.tets.emplace_back();
     for (vtkIdType k = 0; k < 4; ++k) {
-      const vtkIdType id = k < ids->GetNumberOfIds() ? ids->GetId(k) : -1;
+      const vtkIdType id = ids->GetId(k);
       if (id < 0 || id >= grid.GetNumberOfPoints()) {
         throw bad_mesh(path, "Cells", fmt::format("cell {} names point {}", c, id),
                        fmt::format("points 0 to {}", grid.GetNumberOfPoints() - 1));

@@ -11,6 +11,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "stages/common/hdf5_file.hpp"
+#include "stages/common/trial_read.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
@@ -260,7 +261,7 @@ TetMesh read_mesh(const Handle& file, const fs::path& path) {
 
 }  // namespace
 
-TrajectoryReader::TrajectoryReader(const fs::path& path) {
+void TrajectoryReader::open(const fs::path& path) {
   const QuietHdf5 quiet;
   const Handle file = open_hdf5(path);
   TetMesh mesh = read_mesh(file, path);
@@ -271,6 +272,16 @@ TrajectoryReader::TrajectoryReader(const fs::path& path) {
   // A run that was killed between the two writes of a frame has one position more than times.
   times.resize(std::min<std::size_t>(times.size(), positions.shape[0]));
   file_ = std::make_unique<File>(File{path, std::move(mesh), std::move(times)});
+}
+
+TrajectoryReader::TrajectoryReader(const fs::path& path) {
+  const auto read_all = [this, &path] {
+    open(path);
+    for (std::size_t frame = 0; frame < times_s().size(); ++frame) positions_mm(frame);
+  };
+  const std::string broken = what_breaks_reading(path, read_all);
+  if (!broken.empty()) throw read_error(path, "file", broken, "a whole file");
+  open(path);
 }
 
 TrajectoryReader::~TrajectoryReader() = default;

@@ -50,6 +50,7 @@ class TrajectoryReader {
 
  private:
   struct File;
+  void open(const std::filesystem::path& path);
   std::unique_ptr<File> file_;
 };
 

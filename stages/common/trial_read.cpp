@@ -54,8 +54,7 @@ std::string what_breaks_reading(const std::filesystem::path& path,
   if (WIFEXITED(status) && WEXITSTATUS(status) == out_of_memory) {
     return fmt::format("claims more points, cells or values than its {} bytes can hold", bytes);
   }
-  if (WIFSIGNALED(status))
-    return "an array that is no list of numbers, or does not fit the counts of its piece";
+  if (WIFSIGNALED(status)) return "damaged: its reader crashes on it";
   return "";
 }
 

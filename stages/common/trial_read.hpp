@@ -1,5 +1,5 @@
-// Debian's VTK 9.1 crashes on some damaged files, and believes any number of points or cells that a
-// header claims. A first reading in a process of its own finds out without harm.
+// Debian's VTK 9.1 and HDF5 1.10 crash on some damaged files, and believe any number of points or
+// cells that a header claims. A first reading in a process of its own finds out without harm.
 #pragma once
 
 #include <filesystem>

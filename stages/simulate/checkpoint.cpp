@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/digest.hpp"
 #include "stages/common/hdf5_file.hpp"
 
 namespace viscera {
@@ -16,6 +19,33 @@ constexpr const char* carried = "/carried";  // of runs in blocks
 constexpr const char* added_u = "/added_u";  // by the last substep
 constexpr const char* added_v = "/added_v";
 constexpr const char* held = "/held";  // of runs whose elements hold their forces
+
+// The first bytes of the file, which HDF5 leaves to us (its user block): the digest of all others.
+constexpr std::size_t seal_bytes = 512;
+
+std::string seal_of(std::string_view content) {
+  std::string seal =
+      "viscera checkpoint, sha256 of what follows these 512 bytes:\n" + sha256(content) + "\n";
+  seal.resize(seal_bytes, ' ');
+  return seal;
+}
+
+void seal(const fs::path& path) {
+  const std::string bytes = read_file(path);
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  file << seal_of(std::string_view(bytes).substr(seal_bytes));
+  if (!file.flush()) throw write_error(path, "file");
+}
+
+// HDF5 1.10 crashes on some damaged files, so they are told apart before it sees them.
+void check_seal(const fs::path& path) {
+  const std::string bytes = read_file(path);
+  if (bytes.size() > seal_bytes &&
+      bytes.starts_with(seal_of(std::string_view(bytes).substr(seal_bytes))))
+    return;
+  throw read_error(path, "file", "a checksum that is missing or not that of the content",
+                   "a whole checkpoint of this version of viscera");
+}
 
 void write_reals(const Handle& file, const fs::path& path, const char* name,
                  std::initializer_list<hsize_t> shape, const void* data) {
@@ -46,7 +76,7 @@ std::vector<sim::Vec3<double>> read_vectors(const Handle& file, const fs::path& 
 void write_checkpoint(const fs::path& path, const sim::State& state, double substep_s) {
   const QuietHdf5 quiet;
   static_assert(sizeof(sim::Vec3<double>) == 3 * sizeof(double));
-  Handle file = create_hdf5(path);
+  Handle file = create_hdf5(path, seal_bytes);
   const hsize_t n = state.u.size();
   write_reals(file, path, "/u", {n, 3}, state.u.data());
   write_reals(file, path, "/v", {n, 3}, state.v.data());
@@ -62,10 +92,12 @@ void write_checkpoint(const fs::path& path, const sim::State& state, double subs
   write_dataset(file, path, "/step", H5T_STD_U64LE, H5T_NATIVE_UINT64, {1}, &state.step);
   write_reals(file, path, "/substep", {1}, &substep_s);
   if (!file.reset()) throw write_error(path, "file");
+  seal(path);
 }
 
 sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim::TimeGrid& time) {
   const QuietHdf5 quiet;
+  check_seal(path);
   const Handle file = open_hdf5(path);
   const double substep = read_reals(file, path, "/substep", {1})[0];
   if (substep != time.substep_s()) {

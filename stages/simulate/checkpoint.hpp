@@ -5,6 +5,9 @@
 //   /step     uint64           substeps done
 //   /substep  float64          s
 //
+// and, of solvers that have them, /added_u, /added_v, /carried and /held (sim/state.hpp). The first
+// 512 bytes hold the SHA-256 digest of all others, so that a damaged file is never gone on from.
+//
 // Single precision states are kept in double without loss.
 #pragma once
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "pipeline/contract/log.hpp"
+#include "stages/common/tet_checks.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/simulate/accuracy.hpp"
 #include "stages/simulate/body.hpp"
@@ -94,6 +95,7 @@ Setup set_up(StageRun& run) {
   SceneFile file = scene_of(run, run.params().at("change"));
   TetMesh mesh = read_vtu(run.input("mesh"));
   sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
+  check_body(mesh, run.input("mesh").string());
   take_stiffness(run, mesh, model);
   return {std::move(file), std::move(mesh), std::move(model)};
 }

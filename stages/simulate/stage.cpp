@@ -298,6 +298,14 @@ void simulate(StageRun& run) {
       },
       [&](const Outcome& so_far) { resume.note(so_far); }, std::move(start), options.method,
       objects);
+  if (outcome.frames.empty()) {
+    const bool from_file = run.has_input("checkpoint");
+    throw Error(from_file ? ExitCode::bad_input : ExitCode::diverged,
+                {.where = run.input(from_file ? "checkpoint" : "scene").string(),
+                 .field = "the state at the start",
+                 .found = outcome.divergence,
+                 .allowed = "a state that a body can be in"});
+  }
   if (objects && !outcome.divergence.empty() && !watch.objected()) {
     outcome.divergence += ", after " + watch.explain(outcome.last);
   }

@@ -5,9 +5,9 @@
 #include <map>
 
 #include "pipeline/contract/log.hpp"
-#include "stages/tetmesh/topology.hpp"
+#include "stages/common/tet_topology.hpp"
+#include "stages/common/vec.hpp"
 #include "stages/tetmesh/triangle_tree.hpp"
-#include "stages/tetmesh/vec.hpp"
 
 namespace viscera {
 namespace {

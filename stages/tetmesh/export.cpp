@@ -8,7 +8,7 @@
 
 #include "pipeline/contract/error.hpp"
 #include "stages/common/tet_io.hpp"
-#include "stages/tetmesh/topology.hpp"
+#include "stages/common/tet_topology.hpp"
 
 namespace viscera {
 namespace {

@@ -3,10 +3,10 @@
 #include <gmsh.h>
 
 #include "pipeline/contract/error.hpp"
+#include "stages/common/tet_topology.hpp"
 #include "stages/tetmesh/export.hpp"
 #include "stages/tetmesh/gmsh_session.hpp"
 #include "stages/tetmesh/import.hpp"
-#include "stages/tetmesh/topology.hpp"
 
 namespace viscera {
 namespace {

@@ -6,13 +6,13 @@
 #include <numeric>
 
 #include "pipeline/contract/error.hpp"
-#include "stages/tetmesh/topology.hpp"
-#include "stages/tetmesh/vec.hpp"
+#include "stages/common/tet_checks.hpp"
+#include "stages/common/tet_topology.hpp"
+#include "stages/common/vec.hpp"
 
 namespace viscera {
 namespace {
 
-constexpr std::size_t places_told = 3;
 // A tet flatter than this share of the cube of its longest edge has no orientation of its own.
 constexpr double flat = 1e-13;
 
@@ -21,27 +21,6 @@ using Tet = std::array<int, 4>;
 double six_volumes(const TetMesh& mesh, const Tet& t) {
   const auto& p = mesh.points;
   return dot(sub(p[t[1]], p[t[0]]), cross(sub(p[t[2]], p[t[0]]), sub(p[t[3]], p[t[0]])));
-}
-
-// Tets that rule a mesh out, with the places of the first few.
-void refuse_any(const TetMesh& mesh, const std::vector<int>& tets, const std::string& file,
-                const char* what, const char* allowed) {
-  if (tets.empty()) return;
-  std::string places;
-  for (std::size_t i = 0; i < std::min(places_told, tets.size()); ++i) {
-    Vec centre{};
-    for (const int corner : mesh.tets[tets[i]])
-      centre = add(centre, scale(0.25, mesh.points[corner]));
-    places += fmt::format("{}tet {} at ({:.2f}, {:.2f}, {:.2f}) mm", i > 0 ? ", " : "", tets[i],
-                          centre[0], centre[1], centre[2]);
-  }
-  throw Error(ExitCode::bad_input,
-              {.where = file,
-               .field = "tets",
-               .found = fmt::format("{} {}: {}{}", tets.size(), what, places,
-                                    tets.size() > places_told ? ", ..." : ""),
-               .allowed = allowed,
-               .remedy = "mend the mesh where it was made, or mesh the labels or surface anew"});
 }
 
 void merge_points(TetMesh& mesh, Repairs& repairs) {
@@ -84,8 +63,8 @@ void drop_collapsed_and_repeated(TetMesh& mesh, const std::string& file, Repairs
     drop[order[i]] = true;
     ++repairs.duplicate_tets;
   }
-  refuse_any(mesh, contradicting, file, "tets stand twice, with different labels",
-             "one label for each tet");
+  refuse_tets(mesh, contradicting, file, "tets stand twice, with different labels",
+              "one label for each tet");
   keep_tets(mesh, [&](std::size_t t) { return !drop[t]; });
 }
 
@@ -105,24 +84,7 @@ void orient(TetMesh& mesh, const std::string& file, Repairs& repairs) {
       ++repairs.tets_turned;
     }
   }
-  refuse_any(mesh, without_volume, file, "tets without volume", "tets of positive volume");
-}
-
-// Seen from a face, its two tets must lie on different sides; once all tets are positive, they
-// then run through its corners in opposite senses.
-void refuse_overlaps(const TetMesh& mesh, const std::string& file) {
-  std::vector<int> overfull, folded;
-  for_each_face(mesh, [&](const Face& face) {
-    if (face.count > 2) overfull.push_back(face.tets[0]);
-    if (face.count != 2) return;
-    const auto a = outward_face(mesh.tets[face.tets[0]], face.opposite[0]);
-    auto b = outward_face(mesh.tets[face.tets[1]], face.opposite[1]);
-    std::rotate(b.begin(), std::find(b.begin(), b.end(), a[0]), b.end());
-    if (a == b) folded.push_back(face.tets[0]);
-  });
-  refuse_any(mesh, overfull, file, "faces have more than two tets", "at most two tets at a face");
-  refuse_any(mesh, folded, file, "pairs of tets lie on the same side of their common face",
-             "tets that do not overlap");
+  refuse_tets(mesh, without_volume, file, "tets without volume", "tets of positive volume");
 }
 
 // Label 0 is the outside: its tets get the next free label.
@@ -150,7 +112,7 @@ Repairs repair(TetMesh& mesh, const std::string& file) {
   drop_collapsed_and_repeated(mesh, file, repairs);
   repairs.stray_points = points - mesh.points.size();
   orient(mesh, file, repairs);
-  refuse_overlaps(mesh, file);
+  refuse_overlaps(mesh, find_faces(mesh), file);
   return repairs;
 }
 

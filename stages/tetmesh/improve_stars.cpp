@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "stages/tetmesh/topology.hpp"
+#include "stages/common/tet_topology.hpp"
 
 namespace viscera {
 namespace {

@@ -7,11 +7,11 @@
 #include <optional>
 
 #include "stages/common/stage_main.hpp"
+#include "stages/common/tet_topology.hpp"
 #include "stages/tetmesh/improve.hpp"
 #include "stages/tetmesh/label_loss.hpp"
 #include "stages/tetmesh/mesh.hpp"
 #include "stages/tetmesh/size_field.hpp"
-#include "stages/tetmesh/topology.hpp"
 
 namespace viscera {
 

@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "pipeline/contract/log.hpp"
+#include "stages/common/tet_topology.hpp"
+#include "stages/common/vec.hpp"
 #include "stages/tetmesh/distance.hpp"
-#include "stages/tetmesh/topology.hpp"
-#include "stages/tetmesh/vec.hpp"
 
 namespace viscera {
 namespace {

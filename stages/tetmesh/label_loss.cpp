@@ -6,7 +6,7 @@
 #include <queue>
 
 #include "stages/common/label_components.hpp"
-#include "stages/tetmesh/vec.hpp"
+#include "stages/common/vec.hpp"
 
 namespace viscera {
 namespace {

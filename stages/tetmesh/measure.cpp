@@ -6,8 +6,8 @@
 #include <numbers>
 #include <numeric>
 
-#include "stages/tetmesh/topology.hpp"
-#include "stages/tetmesh/vec.hpp"
+#include "stages/common/tet_topology.hpp"
+#include "stages/common/vec.hpp"
 
 namespace viscera {
 namespace {

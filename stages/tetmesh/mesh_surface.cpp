@@ -11,10 +11,10 @@
 #include <memory>
 
 #include "pipeline/contract/error.hpp"
+#include "stages/common/vec.hpp"
 #include "stages/tetmesh/mesh.hpp"
 #include "stages/tetmesh/mesh3.hpp"
 #include "stages/tetmesh/spread.hpp"
-#include "stages/tetmesh/vec.hpp"
 
 namespace viscera {
 namespace {

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "pipeline/contract/error.hpp"
-#include "stages/tetmesh/vec.hpp"
+#include "stages/common/vec.hpp"
 
 namespace viscera {
 namespace {

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "stages/tetmesh/vec.hpp"
+#include "stages/common/vec.hpp"
 
 namespace viscera {
 

@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "stages/tetmesh/vec.hpp"
+#include "stages/common/vec.hpp"
 
 namespace viscera {
 

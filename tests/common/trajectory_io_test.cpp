@@ -118,6 +118,40 @@ TEST_F(TrajectoryIo, AbsentForeignAndTruncatedFilesAreBadInput) {
   }
 }
 
+TEST_F(TrajectoryIo, MoreRowsThanAreStoredAreBadInputAtOnce) {
+  for (const hsize_t rows : {hsize_t{1} << 30, hsize_t{1} << 62}) {
+    write_frames(folder_.path(), two_tets(), 3);
+    const hid_t file = H5Fopen(h5_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t times = H5Dopen2(file, "/times", H5P_DEFAULT);
+    EXPECT_GE(H5Dset_extent(times, &rows), 0);
+    H5Dclose(times);
+    H5Fclose(file);
+    expect_bad_input(h5_);
+  }
+}
+
+// HDF5 1.10 itself crashes on some of these, such as a chunk of which one side is 0.
+TEST_F(TrajectoryIo, DamagedHeadersOfDatasetsCrashNobody) {
+  write_frames(folder_.path(), two_tets(), 8);
+  const std::string whole = read_file(h5_);
+  const fs::path damaged = folder_.path() / "damaged.h5";
+  int refused = 0;
+  for (std::size_t i = 4096; i < 5600; ++i) {
+    if (whole.at(i) == 0) continue;
+    std::string bytes = whole;
+    bytes[i] = 0;
+    write_atomically(damaged, bytes);
+    try {
+      const TrajectoryReader reader(damaged);
+      for (std::size_t f = 0; f < reader.times_s().size(); ++f) reader.positions_mm(f);
+    } catch (const Error& e) {
+      EXPECT_EQ(e.code(), ExitCode::bad_input) << e.what();
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 50);
+}
+
 TEST_F(TrajectoryIo, CoordinatesThatAreNotFiniteAreBadInput) {
   TetMesh mesh = two_tets();
   mesh.points[3][1] = std::numeric_limits<double>::quiet_NaN();

@@ -5,9 +5,9 @@
 #include <numbers>
 #include <set>
 
+#include "stages/common/tet_topology.hpp"
 #include "stages/tetmesh/improve_stars.hpp"
 #include "stages/tetmesh/measure.hpp"
-#include "stages/tetmesh/topology.hpp"
 #include "tests/geometry/shapes.hpp"
 
 namespace viscera {

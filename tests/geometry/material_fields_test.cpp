@@ -4,9 +4,9 @@
 
 #include <cmath>
 
+#include "stages/common/vec.hpp"
 #include "stages/tetmesh/mesh.hpp"
 #include "stages/tetmesh/size_field.hpp"
-#include "stages/tetmesh/vec.hpp"
 #include "tests/geometry/shapes.hpp"
 
 namespace viscera {

@@ -13,10 +13,10 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "stages/common/tet_io.hpp"
+#include "stages/common/tet_topology.hpp"
 #include "stages/tetmesh/distance.hpp"
 #include "stages/tetmesh/export.hpp"
 #include "stages/tetmesh/import.hpp"
-#include "stages/tetmesh/topology.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/geometry/shapes.hpp"
 

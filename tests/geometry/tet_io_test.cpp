@@ -115,5 +115,21 @@ TEST(TetIo, CountsThatTheArraysDoNotFillAndLabelsThatAreNoNumbersAreRefused) {
   }
 }
 
+TEST(TetIo, ATetrahedronOfAnotherNumberOfPointsIsRefused) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const fs::path path = folder.path() / "mesh.vtu";
+  for (const auto& [ids, count] : {std::pair{"0 1 2", "3"}, {"0 1 2 3 0", "5"}}) {
+    std::string text = one_tet("4", "1", "3");
+    const auto put = [&](const std::string& old, const std::string& replacement) {
+      text.replace(text.find(old), old.size(), replacement);
+    };
+    put(">0 1 2 3<", std::string(">") + ids + "<");
+    put(">4<", std::string(">") + count + "<");
+    write_atomically(path, text);
+    const std::string said = refusal(path);
+    EXPECT_NE(said.find(std::string("cell 0 has ") + count + " points"), std::string::npos) << said;
+  }
+}
+
 }  // namespace
 }  // namespace viscera

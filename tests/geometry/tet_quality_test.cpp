@@ -11,8 +11,8 @@
 #include <numbers>
 #include <random>
 
+#include "stages/common/tet_topology.hpp"
 #include "stages/tetmesh/measure.hpp"
-#include "stages/tetmesh/topology.hpp"
 
 namespace viscera {
 namespace {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "stages/tetmesh/topology.hpp"
-#include "stages/tetmesh/vec.hpp"
+#include "stages/common/tet_topology.hpp"
+#include "stages/common/vec.hpp"
 #include "tests/geometry/tetmesh_run.hpp"
 
 namespace viscera {

@@ -3,8 +3,8 @@
 #include <set>
 #include <thread>
 
+#include "stages/common/tet_topology.hpp"
 #include "stages/labels/stage.hpp"
-#include "stages/tetmesh/topology.hpp"
 #include "tests/geometry/tetmesh_run.hpp"
 
 namespace viscera {

@@ -30,6 +30,13 @@ std::array<int, 3> outward_face(const std::array<int, 4>& tet, int opposite);
 // The boundary triangles of the whole mesh, counter-clockwise seen from outside.
 std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh);
 
+// Edges at which not exactly two of these triangles meet.
+std::vector<std::array<int, 2>> singular_edges(const std::vector<std::array<int, 3>>& triangles);
+
+// Points (of `points`) whose triangles are not one fan.
+std::vector<int> singular_points(const std::vector<std::array<int, 3>>& triangles,
+                                 std::size_t points);
+
 struct Topology {
   std::size_t inverted = 0;  // tets without positive volume
   std::size_t duplicate_tets = 0;

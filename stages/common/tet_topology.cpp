@@ -1,4 +1,4 @@
-#include "stages/tetmesh/topology.hpp"
+#include "stages/common/tet_topology.hpp"
 
 #include <map>
 #include <numeric>
@@ -52,45 +52,6 @@ template <class T>
 std::size_t repeated(std::vector<T> values) {
   std::sort(values.begin(), values.end());
   return static_cast<std::size_t>(values.end() - std::unique(values.begin(), values.end()));
-}
-
-std::vector<std::array<int, 2>> singular_edges(const std::vector<std::array<int, 3>>& triangles) {
-  std::vector<std::array<int, 2>> edges;
-  for (const auto& t : triangles)
-    for (int e = 0; e < 3; ++e)
-      edges.push_back({std::min(t[e], t[(e + 1) % 3]), std::max(t[e], t[(e + 1) % 3])});
-  std::sort(edges.begin(), edges.end());
-  std::vector<std::array<int, 2>> singular;
-  for (auto begin = edges.begin(), end = begin; begin != edges.end(); begin = end) {
-    end = std::find_if(begin, edges.end(), [&](const auto& e) { return e != *begin; });
-    if (end - begin != 2) singular.push_back(*begin);
-  }
-  return singular;
-}
-
-// Points whose boundary triangles are not one fan.
-std::vector<int> singular_points(const std::vector<std::array<int, 3>>& triangles,
-                                 std::size_t points) {
-  std::vector<std::vector<int>> around(points);
-  for (std::size_t t = 0; t < triangles.size(); ++t)
-    for (const int corner : triangles[t]) around[corner].push_back(static_cast<int>(t));
-  std::vector<int> singular;
-  for (std::size_t p = 0; p < points; ++p) {
-    Sets fans(around[p].size());
-    std::map<int, int> seen;  // neighbour point to the triangle that named it
-    for (std::size_t i = 0; i < around[p].size(); ++i)
-      for (const int q : triangles[around[p][i]]) {
-        if (q == static_cast<int>(p)) continue;
-        const auto [entry, fresh] = seen.try_emplace(q, static_cast<int>(i));
-        if (!fresh) fans.join(entry->second, static_cast<int>(i));
-      }
-    for (std::size_t i = 1; i < around[p].size(); ++i) {
-      if (fans.root(static_cast<int>(i)) == 0) continue;
-      singular.push_back(static_cast<int>(p));
-      break;
-    }
-  }
-  return singular;
 }
 
 // Tets around the given points, grouped into fans that are joined through faces which hold the
@@ -176,6 +137,44 @@ void drop_islands(TetMesh& mesh, std::size_t bodies, Mended& mended) {
 }
 
 }  // namespace
+
+std::vector<std::array<int, 2>> singular_edges(const std::vector<std::array<int, 3>>& triangles) {
+  std::vector<std::array<int, 2>> edges;
+  for (const auto& t : triangles)
+    for (int e = 0; e < 3; ++e)
+      edges.push_back({std::min(t[e], t[(e + 1) % 3]), std::max(t[e], t[(e + 1) % 3])});
+  std::sort(edges.begin(), edges.end());
+  std::vector<std::array<int, 2>> singular;
+  for (auto begin = edges.begin(), end = begin; begin != edges.end(); begin = end) {
+    end = std::find_if(begin, edges.end(), [&](const auto& e) { return e != *begin; });
+    if (end - begin != 2) singular.push_back(*begin);
+  }
+  return singular;
+}
+
+std::vector<int> singular_points(const std::vector<std::array<int, 3>>& triangles,
+                                 std::size_t points) {
+  std::vector<std::vector<int>> around(points);
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    for (const int corner : triangles[t]) around[corner].push_back(static_cast<int>(t));
+  std::vector<int> singular;
+  for (std::size_t p = 0; p < points; ++p) {
+    Sets fans(around[p].size());
+    std::map<int, int> seen;  // neighbour point to the triangle that named it
+    for (std::size_t i = 0; i < around[p].size(); ++i)
+      for (const int q : triangles[around[p][i]]) {
+        if (q == static_cast<int>(p)) continue;
+        const auto [entry, fresh] = seen.try_emplace(q, static_cast<int>(i));
+        if (!fresh) fans.join(entry->second, static_cast<int>(i));
+      }
+    for (std::size_t i = 1; i < around[p].size(); ++i) {
+      if (fans.root(static_cast<int>(i)) == 0) continue;
+      singular.push_back(static_cast<int>(p));
+      break;
+    }
+  }
+  return singular;
+}
 
 // Sorted by smallest corner through counting, and only then, a handful at a time, by the others.
 std::vector<Face> find_faces(const TetMesh& mesh) {
