@@ -87,7 +87,9 @@ class CpuSolver final : public Solver {
     rule_ = volume_bound_.acts() ? program_.rule : program_.rule.to_first_order();
     set_mobility({0, n_}, rule_.acts);
     for (int left = program_.substeps; left > 0;) {
-      const Pace::Stretch stretch = paced_ ? pace_.next(left) : Pace::Stretch{left, false};
+      options_.pause_point();
+      const Pace::Stretch stretch =
+          paced_ ? pace_.next(left) : Pace::Stretch{std::min(left, Pace::longest), false};
       const auto begin = Clock::now();
       const auto work = [this, stretch](int rank) { run_substeps(stretch.substeps, rank); };
       if (stretch.alone) {

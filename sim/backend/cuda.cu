@@ -156,6 +156,7 @@ class CudaSolver final : public Solver {
     const bool smooth = program_.rule.share == T(0) || volume_bound_.acts();
     const Graph& graph = smooth ? graph_ : graph_to_first_order_;
     for (int substep = 0; substep < substeps_; ++substep, ++step_) {
+      options_.pause_point();
       if (program_.viscous_step.is_due(step_)) viscous_step_->apply(stream_);
       graph.launch(stream_, "launching a substep");
     }

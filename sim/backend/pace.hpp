@@ -10,6 +10,8 @@ namespace viscera::sim {
 
 class Pace {
  public:
+  static constexpr int longest = 16;  // substeps between two decisions
+
   // A stretch of substeps to run, and how.
   struct Stretch {
     int substeps;
@@ -33,7 +35,6 @@ class Pace {
 
  private:
   static constexpr double unknown = -1.0;
-  static constexpr int longest = 16;             // substeps between two decisions
   static constexpr int between_trials = 64;      // stretches
   double together_ = unknown, alone_ = unknown;  // seconds a substep
   int until_trial_ = between_trials;

@@ -98,13 +98,13 @@ std::vector<double> times(double factor, std::vector<double> numbers) {
 
 class FemSolver final : public Solver {
  public:
-  FemSolver(const Model& model, const Scene& scene, const FemOptions& options)
-      : options_(checked(options)),
-        mesh_(model, options.order),
+  FemSolver(const Model& model, const Scene& scene, const SolverOptions& options)
+      : options_(checked(options.fem)),
+        mesh_(model, options_.order),
         program_(mesh_.body(model), checked(scene)),
-        system_(held_nodes(mesh_, program_), options.linear),
+        system_(held_nodes(mesh_, program_), options_.linear),
         stiffness_(mesh_.node_count()),
-        newton_(system_, terms_, options_, stiffness_),
+        newton_(system_, terms_, options_, stiffness_, options.pause_point),
         u_(mesh_.node_count()),
         v_(mesh_.node_count()) {
     take_stiffness(model);
@@ -372,7 +372,7 @@ class FemSolver final : public Solver {
 
 std::unique_ptr<Solver> make_fem(const Model& model, const Scene& scene,
                                  const SolverOptions& options) {
-  return std::make_unique<FemSolver>(model, scene, options.fem);
+  return std::make_unique<FemSolver>(model, scene, options);
 }
 
 }  // namespace viscera::sim

@@ -37,11 +37,12 @@ std::string describe(const char* what, const Miss& miss) {
 }  // namespace
 
 FemNewton::FemNewton(FemSystem& system, const Terms& terms, const FemOptions& options,
-                     const std::vector<double>& stiffness)
+                     const std::vector<double>& stiffness, std::function<void()> pause_point)
     : system_(system),
       terms_(terms),
       options_(options),
       stiffness_(stiffness),
+      pause_point_(std::move(pause_point)),
       now_(stiffness.size()),
       ahead_(stiffness.size()) {}
 
@@ -99,6 +100,7 @@ std::string FemNewton::balance(const FemFields& fields, NodeField& d, NodeField&
                            .allowed = bound(fields)});
   };
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
+    pause_point_();
     if (!std::isfinite(now_.scale)) return failed("forces that are not finite after", iteration);
     if (!moving && unbalanced(now_) <= share * bound(fields)) return "";
     ++iterations_;

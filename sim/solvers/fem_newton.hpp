@@ -4,6 +4,7 @@
 // definite tangent takes its place. No step turns a guarded tet inside out (FemTerm::longest_step).
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -15,8 +16,9 @@ class FemNewton {
  public:
   using Terms = std::vector<std::unique_ptr<FemTerm>>;
   // `stiffness`, N/m by node, tells what the rounding of a displacement amounts to.
-  FemNewton(FemSystem& system, const Terms& terms, const FemOptions& options,
-            const std::vector<double>& stiffness);
+  FemNewton(
+      FemSystem& system, const Terms& terms, const FemOptions& options,
+      const std::vector<double>& stiffness, std::function<void()> pause_point = [] {});
 
   // From d on. Nodes that are not free make their `moves` with the first iteration. Returns why no
   // balance was found and which condition was missed, empty when one was.
@@ -39,6 +41,7 @@ class FemNewton {
   const Terms& terms_;
   const FemOptions options_;
   const std::vector<double>& stiffness_;
+  std::function<void()> pause_point_;
   FemForces now_, ahead_;
   NodeField step_;
   Tangent tangent_ = Tangent::exact;

@@ -1,6 +1,8 @@
 // How a scene is solved. The scene does not know it: the same scene runs under every method.
 #pragma once
 
+#include <functional>
+
 #include "sim/scene.hpp"
 
 namespace viscera::sim {
@@ -42,6 +44,9 @@ struct SolverOptions {
   double stiffness = 1.0;  // PBD: share of a constraint's error removed by an iteration
   int threads = 0;         // 0 for all cores; results do not depend on it
   FemOptions fem;
+  // Called every few substeps or Newton steps by the thread that steps. What it throws leaves the
+  // frame undone, and the solver in no state to go on from.
+  std::function<void()> pause_point = [] {};
 };
 
 // With what the scene's policy has decided.

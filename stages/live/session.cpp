@@ -186,6 +186,11 @@ void Session::advance() {
     world_->advance();
   } catch (const sim::Diverged& diverged) {
     return go_back(diverged.what());
+  } catch (const Error& error) {  // within the frame, which does not count
+    if (error.code() != ExitCode::interrupted) throw;
+    const std::lock_guard lock(mutex_);
+    closed_ = true;
+    return;
   }
   frames_ = ++frame_;
   diverged_ = false;

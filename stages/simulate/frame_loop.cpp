@@ -6,6 +6,7 @@
 #include <future>
 #include <optional>
 
+#include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
 
 namespace viscera {
@@ -145,6 +146,9 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     } catch (const sim::Diverged& diverged) {
       outcome.divergence = diverged.what();
       break;
+    } catch (const Error&) {  // interrupted: the frames so far are there to go on from
+      if (kept && !begins) kept(outcome);
+      throw;
     }
     if (solver.off_host() && index < last_frame && schedule.at(index * frame_s) == setting) {
       ahead = std::async(std::launch::async, [&solver] { return take_frame(solver, true); });

@@ -105,6 +105,7 @@ sim::SolverOptions solver_options(const StageRun& run) {
   options.fem.linear = chosen(run, "fem_linear", fem_linears);
   options.fem.tolerance = run.param<double>("fem_tolerance");
   options.fem.order = run.param<int>("fem_order");
+  options.pause_point = log::check_interrupt;
   return options;
 }
 

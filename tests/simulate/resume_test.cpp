@@ -2,6 +2,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -18,8 +19,9 @@ namespace {
 class Resumed : public Simulate {
  protected:
   // Runs viscera-simulate and interrupts it when it has worked half as long as the run that took
-  // `whole_s`, by the processor's time. (A fork without exec would lack the libraries' threads.)
-  void interrupt(const std::vector<std::string>& extra, double whole_s) {
+  // `whole_s`, by the processor's time, which it goes on for when interrupted, s, it returns. (A
+  // fork without exec would lack the libraries' threads.)
+  double interrupt(const std::vector<std::string>& extra, double whole_s) {
     std::vector<std::string> words = command_line(with_scratch(extra), "broken");
     words[0] = VISCERA_SIMULATE;
     std::vector<char*> arguments;
@@ -42,11 +44,17 @@ class Resumed : public Simulate {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     kill(process, SIGTERM);
     int status = 0;
-    waitpid(process, &status, 0);
-    ASSERT_TRUE(WIFEXITED(status));
-    ASSERT_EQ(WEXITSTATUS(status), 130) << read_file(path("said"));
+    rusage used{};
+    wait4(process, &status, 0, &used);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 130) << read_file(path("said"));
     EXPECT_FALSE(fs::exists(path("broken/manifest.json")));
-    ASSERT_TRUE(fs::exists(path("scratch/current")));
+    EXPECT_TRUE(fs::exists(path("scratch/current")));
+    const auto seconds = [](std::int64_t whole, std::int64_t parts, double part) {
+      return static_cast<double>(whole) + part * static_cast<double>(parts);
+    };
+    return seconds(used.ru_utime.tv_sec, used.ru_utime.tv_usec, 1e-6) +
+           seconds(used.ru_stime.tv_sec, used.ru_stime.tv_usec, 1e-6) -
+           seconds(worked.tv_sec, worked.tv_nsec, 1e-9);
   }
   double timed(const std::string& scene, const std::vector<std::string>& extra) {
     const std::clock_t begin = std::clock();
@@ -91,6 +99,17 @@ TEST_F(Resumed, ARunGoesOnToTheSameBitsAsOneThatNobodyStopped) {
     expect_same("whole", solver);
     fs::remove_all(path("scratch"));
     fs::remove_all(path("whole"));
+  }
+}
+
+// A frame of a million substeps takes half a minute.
+TEST_F(Resumed, AnInterruptWithinAFrameEndsTheRunAtOnceAndKeepsTheFramesBefore) {
+  write_atomically(path("scene.yaml"), drop_scene);
+  for (const std::string scheme : {"gauss_seidel", "block_gauss_seidel", "jacobi"}) {
+    const double worked_on_s =
+        interrupt({"--set", "substeps=1000000", "--set", "scheme=" + scheme}, 1.0);
+    EXPECT_LT(worked_on_s, 0.5) << scheme;
+    EXPECT_EQ(read_file(path("scratch/current")), "1") << scheme;
   }
 }
 
