@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "sim/backend/cuda_block_bound.cuh"
 #include "sim/backend/cuda_block_kernel.cuh"
 #include "sim/backend/cuda_blocks.hpp"
 #include "sim/backend/cuda_memory.cuh"
@@ -33,6 +34,7 @@ struct DeviceElements : Placement<Effect::arity> {
   std::vector<DevicePlanes> own_rest;  // [members], a plane is empty where it is that of `rest`
   DeviceArray<int> phase_begin, block_phase;
   DeviceArray<T> memory;         // [members * elements * memory_of]
+  DeviceArray<T> memory_before;  // at the start of the frame, likewise
   std::vector<char> linearizes;  // [members]
   int most_elements;             // of a block
   int most_phases;
@@ -45,6 +47,7 @@ struct DeviceElements : Placement<Effect::arity> {
         phase_begin(host.phase_begin),
         block_phase(host.block_phase),
         memory(members * host.rest.size() * memory_of<Effect>),
+        memory_before(memory.size()),
         linearizes(members, 1),
         most_elements(host.most_elements()),
         most_phases(host.most_phases()) {
@@ -98,18 +101,22 @@ struct Own<Effect, T, EffectKind::element> : DeviceElements<Effect, T> {
   using DeviceElements<Effect, T>::DeviceElements;
 };
 
+// Substeps of one launch, which nothing can interrupt: a few milliseconds.
+constexpr int longest_launch = 1024;
+
 template <class T>
 class CudaBlocks final : public Ensemble {
  public:
   CudaBlocks(const Model& model, const Scene& scene, int tets_per_block, int members,
-             std::string name)
+             std::string name, std::function<void()> pause_point)
       : name_(std::move(name)),
+        pause_point_(std::move(pause_point)),
         members_(members),
         program_(model, scene),
         layout_(model, program_, tets_per_block, team_of(model, program_, tets_per_block)) {
-    require_device_memory(bytes_needed());
+    BoundedTets<T> bounded(model, scene, Method::xpbd);
+    require_device_memory(bytes_needed(bounded));
     frame_.dt = program_.dt;
-    frame_.substeps = program_.substeps;
     frame_.locals = local_count();
     frame_.blocks = layout_.block_count();
     frame_.team = layout_.team().lanes;
@@ -120,21 +127,29 @@ class CudaBlocks final : public Ensemble {
     make_views();
     ask_for_the_device();
     graph_ = Graph(stream_, [this] { enqueue_frame(); });
+    bound_.emplace(std::move(bounded), layout_, program_, members_, u_.get(), v_.get());
+    if (!bound_->is_empty()) {
+      u_before_ = DeviceArray<Vec3<T>>(u_.size());
+      v_before_ = DeviceArray<Vec3<T>>(v_.size());
+      carried_before_ = DeviceArray<Vec3<T>>(carried_.size());
+    }
   }
 
   int size() const override { return members_; }
 
-  // As a graph: 2 us less than launches of their own.
+  // In one launch, or where a tet comes to the bound on compression in one a substep.
   void advance_frame() override {
-    frame_.done = step_;
-    graph_.change_argument<Frame<T>>([this](Frame<T>& frame) {
-      const int first_member = frame.first_member;
-      frame = frame_;
-      frame.first_member = first_member;
-    });
-    graph_.launch(stream_, "launching a frame");
-    stream_.finish("running a frame");
-    step_ += frame_.substeps;
+    if (bound_->is_empty()) return run_whole_frame();
+    if (!bound_->is_reached()) {
+      keep_start();
+      run_whole_frame();
+      bound_->count(stream_);
+      if (!bound_->is_passed()) return bound_->end_frame();
+      return_to_start();
+    }
+    run_by_substeps();
+    bound_->count(stream_);
+    bound_->end_frame();
   }
 
   State state(int member) const override {
@@ -153,9 +168,9 @@ class CudaBlocks final : public Ensemble {
     const std::size_t copies = frame_.all_copies;
     carried_.upload(state.carried_by<T>(copies), member * copies);
     ahead_.upload({state.step - step_}, member);
-    // Parcels of an exchange that is to come again must not be taken for it.
-    parcels_.clear(2 * member * locals, 2 * locals);
+    forget_parcels(member, 1);
     load_memory(own_, state, member);
+    bound_->begin_at(member, state, stream_);
   }
   void retune(int member, const Model& model, const Scene& scene) override {
     check_scene(scene);
@@ -238,17 +253,19 @@ class CudaBlocks final : public Ensemble {
   };
 
   // Of the large arrays, if every member has materials of its own.
-  std::size_t bytes_needed() const {
+  std::size_t bytes_needed(const BoundedTets<T>& bounded) const {
     const std::size_t locals = local_count();
+    const std::size_t vertex_state = 2 * locals * sizeof(Vec3<T>) + copy_count() * sizeof(Vec3<T>);
+    const int copies_of_state = bounded.vertices.empty() ? 1 : 2;
     std::size_t shared = locals * (sizeof(Vec3<T>) + 3 * sizeof(T) + 4 * sizeof(int));
-    std::size_t own =
-        2 * locals * (sizeof(Vec3<T>) + sizeof(Parcel<T>)) + copy_count() * sizeof(Vec3<T>);
+    std::size_t own = copies_of_state * vertex_state + 2 * locals * sizeof(Parcel<T>);
     for_each_slot<EffectKind::element>(program_.effects, [&]<class Effect>(const auto& effect) {
       const std::size_t elements = effect.rest.size();
       shared += elements * sizeof(LocalVertices<Effect::arity>);
       own += elements * (sizeof(AlignedRest<typename Effect::template Rest<T>>) +
-                         memory_of<Effect> * sizeof(T));
+                         2 * memory_of<Effect> * sizeof(T));
     });
+    shared += CudaBlockBound<T>::bytes(bounded, vertex_count(), locals);
     return shared + members_ * own;
   }
 
@@ -399,6 +416,59 @@ class CudaBlocks final : public Ensemble {
     at_once_ = std::max(1, a_processor * attribute(cudaDevAttrMultiProcessorCount) / frame_.blocks);
   }
 
+  void run_whole_frame() {
+    for (int left = program_.substeps; left > 0; left -= frame_.substeps) {
+      pause_point_();
+      launch_substeps(std::min(left, longest_launch));
+      stream_.finish("running a frame");
+    }
+  }
+  void run_by_substeps() {
+    for (int substep = 0; substep < program_.substeps; ++substep) {
+      pause_point_();
+      launch_substeps(1);
+      bound_->correct(stream_);
+    }
+  }
+
+  // As a graph: 2 us less than launches of their own.
+  void launch_substeps(int substeps) {
+    frame_.substeps = substeps;
+    frame_.done = step_;
+    graph_.change_argument<Frame<T>>([this](Frame<T>& frame) {
+      const int first_member = frame.first_member;
+      frame = frame_;
+      frame.first_member = first_member;
+    });
+    graph_.launch(stream_, "launching a frame");
+    step_ += substeps;
+  }
+
+  void keep_start() {
+    u_.copy_to(u_before_, stream_);
+    v_.copy_to(v_before_, stream_);
+    carried_.copy_to(carried_before_, stream_);
+    for_each_slot<EffectKind::element>(own_, [this]<class Effect>(const auto& own) {
+      own.memory.copy_to(own.memory_before, stream_);
+    });
+  }
+  void return_to_start() {
+    u_before_.copy_to(u_, stream_);
+    v_before_.copy_to(v_, stream_);
+    carried_before_.copy_to(carried_, stream_);
+    for_each_slot<EffectKind::element>(own_, [this]<class Effect>(const auto& own) {
+      own.memory_before.copy_to(own.memory, stream_);
+    });
+    stream_.finish("returning to the start of a frame");
+    step_ -= program_.substeps;
+    forget_parcels(0, members_);
+  }
+  // Parcels of an exchange that is to come again must not be taken for it.
+  void forget_parcels(int first, int members) {
+    const std::size_t locals = local_count();
+    parcels_.clear(2 * first * locals, 2 * members * locals);
+  }
+
   // Blocks of a member wait for one another, so all of them run at once: as many members at a time
   // as the device holds.
   void enqueue_frame() {
@@ -448,6 +518,7 @@ class CudaBlocks final : public Ensemble {
   int vertex_count() const { return static_cast<int>(program_.rest.size()); }
 
   std::string name_;
+  std::function<void()> pause_point_;
   int members_;
   int at_once_ = 0;     // members
   Program<T> program_;  // of the member that was tuned last
@@ -470,6 +541,8 @@ class CudaBlocks final : public Ensemble {
   DeviceArray<Parcel<T>> parcels_;
   DeviceArray<unsigned char> touching_;
   DeviceArray<unsigned long long> ahead_;
+  std::optional<CudaBlockBound<T>> bound_;
+  DeviceArray<Vec3<T>> u_before_, v_before_, carried_before_;  // at the start of the frame
 };
 
 }  // namespace
@@ -487,9 +560,11 @@ std::unique_ptr<Ensemble> make_cuda_blocks(const Model& model, const Scene& scen
                                             : std::clamp(shared_out, least_block, most_wanted);
   const int tets_per_block = std::max(wanted, tets_in_each_of(processors));
   if (options.precision == Precision::fp64) {
-    return std::make_unique<CudaBlocks<double>>(model, scene, tets_per_block, members, name);
+    return std::make_unique<CudaBlocks<double>>(model, scene, tets_per_block, members, name,
+                                                options.pause_point);
   }
-  return std::make_unique<CudaBlocks<float>>(model, scene, tets_per_block, members, name);
+  return std::make_unique<CudaBlocks<float>>(model, scene, tets_per_block, members, name,
+                                             options.pause_point);
 }
 
 }  // namespace viscera::sim

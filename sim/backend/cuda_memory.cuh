@@ -126,6 +126,12 @@ class DeviceArray {
     check(cudaMemset(data_ + first, 0, count * sizeof(T)), "clearing");
     check(cudaStreamSynchronize(nullptr), "clearing");
   }
+  // When the stream comes to it.
+  void copy_to(const DeviceArray& other, cudaStream_t stream) const {
+    if (size_ == 0) return;
+    check(cudaMemcpyAsync(other.data_, data_, size_ * sizeof(T), cudaMemcpyDeviceToDevice, stream),
+          "copying");
+  }
   T* get() const { return data_; }
   std::size_t size() const { return size_; }
 

@@ -24,8 +24,6 @@ struct VolumeBoundView {
   unsigned char* below;       // [count] by place in `watched`
   int* wrong;                 // [count] places in `watched`
   Vec3<T>* corrections;       // [n] m, by which vertices were moved in this substep
-  unsigned char* acts;        // whether the bound does
-  int substeps;               // a frame
 
   __device__ MovingTet<T> tet(int t) const {
     MovingTet<T> tet{.rest_inverse = rest[t]};
@@ -102,12 +100,15 @@ __device__ void repeat_over_watched(const VolumeBoundView<T>& view, int watched,
   }
 }
 
+// Where `acts` says so. At the last substep of a frame, of which a frame has `substeps` and the
+// device has `done`, it is decided anew; without `acts` it is always.
 template <class T>
 __global__ void __launch_bounds__(bound_threads)
-    bound_volumes(VolumeBoundView<T> view, const unsigned long long* done) {
+    bound_volumes(VolumeBoundView<T> view, unsigned char* acts, const unsigned long long* done,
+                  int substeps) {
   const int watched = compact(view.near_bound, view.count, view.watched);
-  const bool acts = *view.acts;
-  if (acts && watched > 0) {
+  const bool now = !acts || *acts;
+  if (now && watched > 0) {
     const auto push = [](MovingTet<T>& tet) { return tet.push(); };
     const auto halt = [](MovingTet<T>& tet) { return tet.halt(); };
     const auto would = [](const auto& correct) {
@@ -116,8 +117,8 @@ __global__ void __launch_bounds__(bound_threads)
     repeat_over_watched(view, watched, VolumeBound::pushes, would(push), push);
     repeat_over_watched(view, watched, VolumeBound::halts, would(halt), halt);
   }
-  if (threadIdx.x == 0 && (*done + 1) % view.substeps == 0) {
-    *view.acts = VolumeBound::goes_on(acts, watched, view.count);
+  if (acts && threadIdx.x == 0 && (*done + 1) % substeps == 0) {
+    *acts = VolumeBound::goes_on(now, watched, view.count);
   }
 }
 
@@ -146,6 +147,7 @@ class CudaVolumeBound {
     check(cudaStreamSynchronize(nullptr), "uploading");
   }
 
+  const Mat3<T>* rest_inverse() const { return rest_.get(); }  // [tets] 1/m
   // [n] m, of the substep; null where there is no bound.
   const Vec3<T>* corrections() const { return corrections_.get(); }
   // At the end of a frame, for the next.
@@ -160,30 +162,40 @@ class CudaVolumeBound {
   // `done` counts the substeps on the device, of which a frame has `substeps`.
   void enqueue(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* inverse_mass, T dt,
                const unsigned long long* done, int substeps) const {
+    enqueue(stream, view(u, d, inverse_mass, dt), acts_.get(), done, substeps);
+  }
+  // Whatever acts() says.
+  void enqueue_always(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* inverse_mass,
+                      T dt) const {
+    enqueue(stream, view(u, d, inverse_mass, dt), nullptr, nullptr, 1);
+  }
+
+ private:
+  VolumeBoundView<T> view(const Vec3<T>* u, Vec3<T>* d, const T* inverse_mass, T dt) const {
+    return {.count = count_,
+            .vertices = vertices_.get(),
+            .rest = rest_.get(),
+            .u = u,
+            .d = d,
+            .inverse_mass = inverse_mass,
+            .dt = dt,
+            .near_bound = near_bound_.get(),
+            .watched = watched_.get(),
+            .below = below_.get(),
+            .wrong = wrong_.get(),
+            .corrections = corrections_.get()};
+  }
+  void enqueue(cudaStream_t stream, const VolumeBoundView<T>& view, unsigned char* acts,
+               const unsigned long long* done, int substeps) const {
     if (count_ == 0) return;
-    const VolumeBoundView<T> view{.count = count_,
-                                  .vertices = vertices_.get(),
-                                  .rest = rest_.get(),
-                                  .u = u,
-                                  .d = d,
-                                  .inverse_mass = inverse_mass,
-                                  .dt = dt,
-                                  .near_bound = near_bound_.get(),
-                                  .watched = watched_.get(),
-                                  .below = below_.get(),
-                                  .wrong = wrong_.get(),
-                                  .corrections = corrections_.get(),
-                                  .acts = acts_.get(),
-                                  .substeps = substeps};
     constexpr int width = 256;
     const int blocks = (count_ + width - 1) / width;
     check(cudaMemsetAsync(corrections_.get(), 0, corrections_.size() * sizeof(Vec3<T>), stream),
           "clearing");
     watch_volumes<T><<<blocks, width, 0, stream>>>(view);
-    bound_volumes<T><<<1, bound_threads, 0, stream>>>(view, done);
+    bound_volumes<T><<<1, bound_threads, 0, stream>>>(view, acts, done, substeps);
   }
 
- private:
   BoundedTets<T> tets_;
   DeviceArray<Tet> vertices_;
   DeviceArray<Mat3<T>> rest_;

@@ -198,12 +198,39 @@ TEST_F(Cuda, AHeldBarSagsAsOnTheCpu) {
   EXPECT_LE(disagreement(model, scene, Precision::fp32, 60), 1e-4);
 }
 
-// In blocks a device does not bound compression yet.
 TEST_F(Cuda, APressedBodyHasNoTetInsideOut) {
-  for (const Precision precision : {Precision::fp64, Precision::fp32}) {
-    expect_no_tet_inside_out_when_pressed([&](const Model& model, const Scene& scene) {
-      return make_on_cuda(model, scene, SolverOptions{.precision = precision});
-    });
+  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
+    for (const Precision precision : {Precision::fp64, Precision::fp32}) {
+      const SolverOptions options{.scheme = scheme, .precision = precision, .block_tets = 150};
+      expect_no_tet_inside_out_when_pressed([&](const Model& model, const Scene& scene) {
+        return make_on_cuda(model, scene, options);
+      });
+    }
+  }
+}
+
+// Which frames a solver in blocks runs as a whole, and which again substep by substep, follows from
+// the state alone, of each member of an ensemble.
+TEST_F(Cuda, APressedBodyInBlocksGoesOnFromAnyFrameToTheSameBits) {
+  const PressedCube cube;
+  const SolverOptions options{.scheme = Scheme::block_gauss_seidel, .block_tets = 150};
+  const Tune only_first_is_soft = [](int member, Model& model, Scene&) {
+    if (member > 0) model.materials[0].youngs_modulus *= 100.0;
+  };
+  const auto both = make_ensemble_on_cuda(cube.model, cube.scene, options, 2, only_first_is_soft);
+  const auto whole = make_on_cuda(cube.model, cube.scene, options);
+  const auto [stiff_model, stiff_scene] = tuned(cube.model, cube.scene, 1, only_first_is_soft);
+  const auto stiff = make_on_cuda(stiff_model, stiff_scene, options);
+  State state = whole->state();
+  for (int frame = 0; frame < cube.frames; ++frame) {
+    const auto taken_up = make_on_cuda(cube.model, cube.scene, options);
+    taken_up->set_state(state);
+    for (Solver* solver : {taken_up.get(), whole.get(), stiff.get()}) solver->advance_frame();
+    both->advance_frame();
+    state = whole->state();
+    ASSERT_EQ(taken_up->state().hash(), state.hash()) << "frame " << frame;
+    ASSERT_EQ(both->state(0).hash(), state.hash()) << "frame " << frame;
+    ASSERT_EQ(both->state(1).hash(), stiff->state().hash()) << "frame " << frame;
   }
 }
 

@@ -17,22 +17,34 @@ using MakeSolver = std::function<std::unique_ptr<Solver>(const Model&, const Sce
 
 // A cube of soft tissue that a ball presses into the ground: without the bound two of its tets are
 // inside out at the end of frames.
+struct PressedCube {
+  Model model;
+  Scene scene;
+  int frames = 24;
+
+  PressedCube() : model(make_cube(6, softer_tissue())), scene(drop_scene()) {
+    scene.params<Ground>()[0].clearance = 0.0;
+    auto& ball = scene.params<Collider<Sphere>>().emplace_back();
+    ball.center = {0.025, 0.025, 0.067};
+    ball.radius = 0.015;
+    ball.velocity = {0.0, 0.0, -0.25};
+    ball.stop = 0.188;
+  }
+
+ private:
+  static Material softer_tissue() {
+    Material soft = soft_tissue;
+    soft.youngs_modulus = 1e3;
+    return soft;
+  }
+};
 inline void expect_no_tet_inside_out_when_pressed(const MakeSolver& make) {
-  Material soft = soft_tissue;
-  soft.youngs_modulus = 1e3;
-  const Model model = make_cube(6, soft);
-  Scene scene = drop_scene();
-  scene.params<Ground>()[0].clearance = 0.0;
-  auto& ball = scene.params<Collider<Sphere>>().emplace_back();
-  ball.center = {0.025, 0.025, 0.067};
-  ball.radius = 0.015;
-  ball.velocity = {0.0, 0.0, -0.25};
-  ball.stop = 0.188;
-  const auto solver = make(model, scene);
+  const PressedCube cube;
+  const auto solver = make(cube.model, cube.scene);
   double min_j = 1.0;
-  for (int frame = 0; frame < 24; ++frame) {
+  for (int frame = 0; frame < cube.frames; ++frame) {
     solver->advance_frame();
-    const Diagnostics now = diagnose(model, scene, solver->state());
+    const Diagnostics now = diagnose(cube.model, cube.scene, solver->state());
     ASSERT_EQ(now.inverted, 0u) << "frame " << frame;
     min_j = std::min(min_j, now.min_j);
   }
