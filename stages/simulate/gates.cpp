@@ -31,7 +31,7 @@ const Expectable table[] = {
     {"rest_time", "s",
      "The body comes to rest at another time than expected, or not at all: figures at the end may "
      "be those of a moving body.",
-     "raise time.end or the materials' damping, or change "},
+     "raise time.end (simulate.end) or the materials' damping, or change "},
     {"min_J", "1",
      "A tet is compressed or stretched more than expected: its strain may be beyond what the "
      "material's law holds for.",

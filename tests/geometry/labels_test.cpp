@@ -170,9 +170,8 @@ TEST_F(Labels, ABodyCutByTheBorderFailsTheGateOrIsAcceptedAsAFlatCapThatTheManif
   const auto refused = run(volume);
   EXPECT_EQ(refused.code, static_cast<int>(ExitCode::gate_failed));
   EXPECT_NE(refused.log.find("inferior (k = 0) 32 mm2"), std::string::npos) << refused.log;
-  for (const char* part :
-       {"gate border_area: 64 mm2, required <= 0 mm2\n", "means:   The border",
-        "where:   inferior side of the image, ", "labels.border: accept"})
+  for (const char* part : {"gate border_area: 64 mm2, required <= 0 mm2\n", "means:   The border",
+                           "where:   inferior side of the image, ", "labels.border: accept"})
     EXPECT_NE(refused.log.find(part), std::string::npos) << part << "\n" << refused.log;
   EXPECT_TRUE(caveats().empty());
   const auto accepted = run(volume, {"border=accept"});
@@ -298,6 +297,16 @@ TEST(Clean, ABodyThatHangsOnAThinBridgeIsReportedWithItsPlaceAndSize) {
   EXPECT_GT(bridges[0].area_mm2, 2.0);
   EXPECT_LT(bridges[0].area_mm2, 9.0);
   EXPECT_TRUE(find_bridges(image, 1.0, 20).empty());
+}
+
+TEST_F(Labels, ARealLiverThatTheScanCutsIsNamedWithItsSideAndShare) {
+  const fs::path volume = "../shared/data/lits_liver_28.nii.gz";
+  if (!fs::exists(volume)) GTEST_SKIP() << volume << " is not here";
+  const auto outcome = run(volume, {"labels={liver: 1, tumour: 2}"});
+  EXPECT_EQ(outcome.code, static_cast<int>(ExitCode::gate_failed));
+  EXPECT_NE(outcome.log.find("where:   superior side of the image, 2.9 % of the body's surface"),
+            std::string::npos)
+      << outcome.log;
 }
 
 TEST_F(Labels, ARealSegmentationBecomesOneBodyWithItsTumours) {
