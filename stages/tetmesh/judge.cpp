@@ -254,13 +254,19 @@ Json judge_lost(StageRun& run, const Wanted& wanted, double cell_size,
   }
   const double share = lost_volume / asked_volume(wanted);
   warn_of(loss, lost_volume, share, cell_size, all);
-  const std::string remedy = all.cell_size ? "set " + all.text() + ", which keeps the parts" : "";
+  // Cells that fine may be too many to mesh: whether the parts matter is the reader's to say.
+  const auto remedy = [&all](const char* limit) {
+    if (!all.cell_size) return std::string();
+    return fmt::format("set {}, which keeps the parts, or raise {} where they do not matter",
+                       all.text(), limit);
+  };
   std::vector<Vec> places;
   for (const LostPart& part : loss.parts) places.push_back(part.place);
   run.gate(mesh_gates::lost_volume, share, run.param<double>("max_lost_volume"),
-           {.at = places, .remedy = remedy});
+           {.at = places, .remedy = remedy("max_lost_volume")});
   run.gate(mesh_gates::lost_distance, loss.farthest / cell_size,
-           run.param<double>("max_lost_distance"), {.at = {loss.place}, .remedy = remedy});
+           run.param<double>("max_lost_distance"),
+           {.at = {loss.place}, .remedy = remedy("max_lost_distance")});
   Json report{{"beyond_mm", lost_beyond * cell_size},
               {"ml", lost_volume / 1000.0},
               {"share", share},

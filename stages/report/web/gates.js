@@ -26,7 +26,7 @@ viscera.failuresInShort = function (report, box) {
   for (const gate of failed.slice(0, shown)) {
     const advice = gate.remedy ? `To change it: ${gate.remedy}.` : "";
     box.append(el("p", {}, el("b", {}, `${stageTitle(gate.stage)}: ${viscera.gateText(gate)}.`),
-      " " + [gate.meaning, gate.where && sentence(gate.where), advice].filter(Boolean).join(" ")));
+      " " + [gate.meaning, sentence(whereText(gate)), advice].filter(Boolean).join(" ")));
   }
   if (failed.length <= shown) return;
   box.append(el("p", {}, `And ${failed.length - shown} more: see `,
