@@ -281,7 +281,7 @@ class Runner {
     if (manifest.exit == ExitCode::ok) return;
     log::error("{}: {} (cached)", label, manifest.message);
     for (const auto& gate : manifest.gates) {
-      if (!gate.passed()) log::error("{}", failure_message(gate));
+      if (!gate.passed()) log::error("{}: {}", label, failure_message(gate));
     }
   }
 

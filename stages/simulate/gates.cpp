@@ -38,7 +38,7 @@ const Expectable table[] = {
      steadier},
     {"inverted_max", "1",
      "Tets are turned inside out in some frames: positions and stresses near them are wrong in "
-     "these frames, and the way to rest may be.",
+     "these frames, and the motion after them may be.",
      "raise substeps, set solver: xpbd or fem, lower tetmesh.cell_size where the body is thin, "
      "or change "},
     {"inverted_frames", "1",
@@ -49,7 +49,7 @@ const Expectable table[] = {
     {"volume_ratio_end", "1",
      "The body's volume at the end differs from that at rest by more than expected: it is more "
      "compressible than it should be.",
-     "raise the materials' nu, or time.substeps, or change "},
+     "raise the materials' nu, or raise substeps, or change "},
     {"displacement_max_end", "mm",
      "The body ends farther from its scanned place, or nearer to it, than expected.",
      "check materials, loads and attachments in the scene, or change "},
