@@ -25,6 +25,8 @@ Json to_json(const StageInfo& info) {
   }
   json["params"] = Json::array();
   for (const auto& param : info.params) json["params"].push_back(to_json(param));
+  json["gates"] = Json::array();
+  for (const auto& gate : info.gates) json["gates"].push_back(to_json(gate));
   json["libraries"] = info.libraries;
   json["probes"] = info.probes;
   return json;
@@ -78,14 +80,8 @@ Json to_json(const Manifest& m) {
     json["metrics"].push_back(std::move(one));
   }
   json["gates"] = Json::array();
-  for (const auto& gate : m.gates) {
-    json["gates"].push_back({{"name", gate.name},
-                             {"value", gate.value},
-                             {"comparison", gate.comparison},
-                             {"limit", gate.limit},
-                             {"unit", gate.unit},
-                             {"passed", gate.passed()}});
-  }
+  for (const auto& gate : m.gates) json["gates"].push_back(to_json(gate));
+  json["caveats"] = m.caveats;
   json["libraries"] = m.libraries;
   json["device"] = m.device;
   json["cacheable"] = m.uncacheable.empty();
@@ -121,18 +117,8 @@ Manifest manifest_from_json(const Json& json) {
                          .unit = metric.at("unit"),
                          .machine = metric.value("machine", false)});
   }
-  for (const auto& gate : json.at("gates")) {
-    // A gate on a metric that is not finite is written as null and cannot have passed.
-    const auto number = [&gate](const char* key) {
-      return gate.at(key).is_null() ? std::numeric_limits<double>::quiet_NaN()
-                                    : gate.at(key).get<double>();
-    };
-    m.gates.push_back({.name = gate.at("name"),
-                       .value = number("value"),
-                       .comparison = gate.at("comparison"),
-                       .limit = number("limit"),
-                       .unit = gate.at("unit")});
-  }
+  for (const auto& gate : json.at("gates")) m.gates.push_back(gate_from_json(gate));
+  m.caveats = json.value("caveats", std::vector<std::string>{});
   m.libraries = json.at("libraries").get<std::map<std::string, std::string>>();
   m.device = json.at("device");
   m.uncacheable = json.value("uncacheable_because", "");

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "pipeline/contract/exit_code.hpp"
+#include "pipeline/contract/gate.hpp"
 #include "pipeline/contract/param.hpp"
 
 namespace viscera {
@@ -38,6 +39,7 @@ struct StageInfo {
   std::vector<InputRole> inputs;
   std::vector<OutputFile> outputs;
   std::vector<Param> params;
+  std::vector<GateInfo> gates;                   // that a run may judge; no others
   std::map<std::string, std::string> libraries;  // name to version: part of the fingerprint
   // What else is part of the fingerprint when present: the content of a file, or with "env:NAME"
   // the value of an environment variable.
@@ -45,6 +47,7 @@ struct StageInfo {
 };
 
 Json to_json(const StageInfo& info);
+// Without the gates, of which only people who ask for `describe` read.
 StageInfo stage_info_from_json(const Json& json);
 
 struct Metric {
@@ -52,15 +55,6 @@ struct Metric {
   Json value;            // number, text, list or object
   std::string unit;      // "1" for numbers without dimension
   bool machine = false;  // differs between equal runs (times, rates): no part of any key
-};
-
-struct Gate {
-  std::string name;
-  double value = 0.0;
-  std::string comparison;  // ">=" or "<="
-  double limit = 0.0;
-  std::string unit = "1";
-  bool passed() const { return comparison == ">=" ? value >= limit : value <= limit; }
 };
 
 struct FileDigest {
@@ -81,6 +75,7 @@ struct Manifest {
   std::string frame = "LPS mm";  // of every coordinate in the outputs
   std::vector<Metric> metrics;
   std::vector<Gate> gates;
+  std::vector<std::string> caveats;  // sentences that a reader of any result must know first
   std::map<std::string, std::string> libraries;
   std::string device = "cpu";
   std::string uncacheable;  // why later runs must not be given this result; empty: they may

@@ -79,6 +79,9 @@ void print_status(const InspectOptions& options) {
       row.max_rss_mb = entry->manifest.max_rss_mb;
       row.gates = entry->manifest.gates;
     }
+    for (const auto& gate : row.gates) {
+      if (!gate.passed()) notes += fmt::format("{}: {}\n", row.stage, failure_message(gate));
+    }
     rows.push_back(std::move(row));
     if (verdict.failure) {
       notes += fmt::format("{}: failed with {}: {}\n", look.plan[i].label(),

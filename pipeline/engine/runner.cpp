@@ -275,6 +275,16 @@ class Runner {
         jobs_, [&key](const auto& job) { return job->key.transcript.key() == key; });
   }
 
+  // What the stage said when it ran: that its result comes from the cache makes it no better.
+  static void retell(const std::string& label, const Manifest& manifest) {
+    for (const auto& caveat : manifest.caveats) log::warn("{}: {}", label, caveat);
+    if (manifest.exit == ExitCode::ok) return;
+    log::error("{}: {} (cached)", label, manifest.message);
+    for (const auto& gate : manifest.gates) {
+      if (!gate.passed()) log::error("{}: {}", label, failure_message(gate));
+    }
+  }
+
   void finish(std::size_t i, Entry entry, bool ran) {
     entries_[i] = std::move(entry);
     const Manifest& manifest = entries_[i]->manifest;
@@ -286,9 +296,7 @@ class Runner {
                 .wall_s = manifest.wall_s,
                 .max_rss_mb = manifest.max_rss_mb,
                 .gates = manifest.gates};
-    if (!ran && manifest.exit != ExitCode::ok) {
-      log::error("{}: {} (cached)", plan_[i].label(), manifest.message);
-    }
+    if (!ran) retell(plan_[i].label(), manifest);
     worst_ = std::max(worst_, manifest.exit);
     event(ran ? "ran" : "cached", i, manifest.exit, manifest.message);
     settle(i);

@@ -45,9 +45,8 @@ void StageRun::machine_metric(std::string name, Json value, std::string unit) {
   metrics_.push_back({std::move(name), std::move(value), std::move(unit), true});
 }
 
-void StageRun::gate(std::string name, double value, std::string comparison, double limit,
-                    std::string unit) {
-  gates_.push_back({std::move(name), value, std::move(comparison), limit, std::move(unit)});
+void StageRun::gate(const GateInfo& info, double value, double limit, GateDetails details) {
+  gates_.push_back(judged(info, value, limit, std::move(details)));
 }
 
 namespace {
@@ -222,13 +221,8 @@ class StageProgram {
 
     manifest.exit = run.exit_;
     manifest.message = run.message_;
-    std::vector<std::string> failed;
-    for (const auto& gate : run.gates_) {
-      if (gate.passed()) continue;
-      failed.push_back(gate.name);
-      log::error("gate {}: {:.6g} {}, required {} {:.6g}", gate.name, gate.value,
-                 gate.unit == "1" ? "" : gate.unit, gate.comparison, gate.limit);
-    }
+    const std::vector<std::string> failed = failed_gates(run.gates_);
+    for (const auto& caveat : run.caveats_) log::warn("{}", caveat);
     if (manifest.exit == ExitCode::ok && !failed.empty()) {
       manifest.exit = ExitCode::gate_failed;
       manifest.message = fmt::format("gates failed: {}", fmt::join(failed, ", "));
@@ -240,6 +234,7 @@ class StageProgram {
     manifest.outputs = written(work.path());
     manifest.metrics = std::move(run.metrics_);
     manifest.gates = std::move(run.gates_);
+    manifest.caveats = std::move(run.caveats_);
     manifest.libraries = info.libraries;
     manifest.device = run.device_;
     manifest.uncacheable = run.uncacheable_;
@@ -267,6 +262,21 @@ class StageProgram {
   }
 
  private:
+  // The names of the gates that failed, each of which is told.
+  std::vector<std::string> failed_gates(const std::vector<Gate>& gates) const {
+    std::vector<std::string> failed;
+    for (const auto& gate : gates) {
+      if (!is_declared(gate, stage_.info.gates)) {
+        throw Error(ExitCode::internal, {.where = "gate " + gate.name,
+                                         .found = "judged by the stage but not declared by it"});
+      }
+      if (gate.passed()) continue;
+      failed.push_back(gate.name);
+      log::error("{}", failure_message(gate));
+    }
+    return failed;
+  }
+
   // The declared outputs that the stage wrote, in declared order; anything else is a defect.
   std::vector<FileDigest> written(const fs::path& work) const {
     std::vector<FileDigest> files;
@@ -339,6 +349,8 @@ int stage_main(int argc, char** argv, const Stage& stage) {
     const std::string shown = param.fallback.is_null() ? "unset" : param.fallback.dump();
     footer += fmt::format("  {} = {}  {}\n", param.name, shown, param.doc);
   }
+  if (!info.gates.empty()) footer += "Gates:\n";
+  for (const auto& gate : info.gates) footer += fmt::format("  {}  {}\n", gate.name, gate.meaning);
   app.footer(footer);
   std::vector<std::string> arguments;
   const int unread = guarded([&] {

@@ -48,8 +48,11 @@ class StageRun {
   // A figure that differs between equal runs (times, rates): shown, but no reason for later stages
   // to run again.
   void machine_metric(std::string name, Json value, std::string unit = "1");
-  void gate(std::string name, double value, std::string comparison, double limit,
-            std::string unit = "1");
+  // `info` must be one of those that the stage declares.
+  void gate(const GateInfo& info, double value, double limit, GateDetails details = {});
+  // A sentence that every reader of this result, and of what is made from it, must know first: the
+  // report's first line.
+  void caveat(std::string sentence) { caveats_.push_back(std::move(sentence)); }
   const std::vector<Metric>& metrics() const { return metrics_; }
   void set_device(std::string device) { device_ = std::move(device); }
   // The result stands for this run only, because something that no key holds decided it (a device
@@ -68,6 +71,7 @@ class StageRun {
   std::filesystem::path out_, scratch_;
   std::vector<Metric> metrics_;
   std::vector<Gate> gates_;
+  std::vector<std::string> caveats_;
   std::string device_ = "cpu";
   std::string uncacheable_;
   ExitCode exit_ = ExitCode::ok;

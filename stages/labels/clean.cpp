@@ -1,9 +1,6 @@
 #include "stages/labels/clean.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "stages/common/label_components.hpp"
@@ -134,46 +131,6 @@ LabelImage crop(const LabelImage& image, const std::array<int, 3>& margin,
           result.voxels.begin() + result.frame.index(margin[0], j - offset[1], k - offset[2]));
     }
   return result;
-}
-
-namespace {
-
-// The side of the patient that the outward normal of a border face points at.
-std::string face_name(const Frame& frame, int axis, bool high) {
-  static constexpr const char* sides[3][2] = {
-      {"right", "left"}, {"anterior", "posterior"}, {"inferior", "superior"}};
-  int along = 0;
-  for (int r = 1; r < 3; ++r) {
-    if (std::abs(frame.direction[3 * r + axis]) > std::abs(frame.direction[3 * along + axis]))
-      along = r;
-  }
-  const bool positive = (frame.direction[3 * along + axis] > 0.0) == high;
-  return fmt::format("{} ({} = {})", sides[along][positive], "ijk"[axis],
-                     high ? frame.size[axis] - 1 : 0);
-}
-
-}  // namespace
-
-std::vector<BorderCut> find_border_cuts(const LabelImage& image) {
-  const Frame& frame = image.frame;
-  std::vector<BorderCut> cuts;
-  for (int axis = 0; axis < 3; ++axis)
-    for (const bool high : {false, true}) {
-      const int a = (axis + 1) % 3, b = (axis + 2) % 3;
-      std::map<int, std::size_t> faces;
-      std::array<int, 3> at{};
-      at[axis] = high ? frame.size[axis] - 1 : 0;
-      for (at[b] = 0; at[b] < frame.size[b]; ++at[b])
-        for (at[a] = 0; at[a] < frame.size[a]; ++at[a]) {
-          const int id = image.voxels[frame.index(at[0], at[1], at[2])];
-          if (id != 0) ++faces[id];
-        }
-      for (const auto& [id, count] : faces) {
-        cuts.push_back({id, face_name(frame, axis, high),
-                        static_cast<double>(count) * frame.spacing[a] * frame.spacing[b]});
-      }
-    }
-  return cuts;
 }
 
 }  // namespace viscera

@@ -1,5 +1,5 @@
-// From a label volume as exported to one clean body: which specks go, what the border cuts, and the
-// crop around what is left. Every change is counted.
+// From a label volume as exported to one clean body: which specks go, and the crop around what is
+// left. Every change is counted.
 #pragma once
 
 #include <map>
@@ -41,14 +41,5 @@ void keep_largest_body(LabelImage& image, Cleaning& cleaning);
 // hold a labelled voxel.
 LabelImage crop(const LabelImage& image, const std::array<int, 3>& margin,
                 std::array<int, 3>& offset);
-
-struct BorderCut {
-  int label = 0;
-  std::string face;       // "inferior (k = 0)"
-  double area_mm2 = 0.0;  // of voxel faces that lie on the border
-};
-
-// Where labels touch the border of the volume.
-std::vector<BorderCut> find_border_cuts(const LabelImage& image);
 
 }  // namespace viscera

@@ -15,6 +15,7 @@
 #include "pipeline/contract/log.hpp"
 #include "stages/common/image_io.hpp"
 #include "stages/common/label_components.hpp"
+#include "stages/labels/border.hpp"
 #include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"
 #include "stages/labels/context.hpp"
@@ -55,11 +56,7 @@ std::vector<Param> params() {
                "parts of the body joined by less than this are reported with their places"),
       quantity("pad", "10 mm", "mm", 0.0, 200.0,
                "background left around the body; at least two voxels"),
-      {.name = "border",
-       .type = ParamType::text,
-       .fallback = "gate",
-       .choices = {"warn", "gate"},
-       .doc = "what a label cut by the border of the volume means: a failed gate, or a warning"},
+      border_param(),
   };
 }
 
@@ -178,19 +175,6 @@ Json describe_labels(const LabelImage& image, const std::vector<Material>& mater
   return list;
 }
 
-double report_cuts(const LabelImage& image, const std::vector<BorderCut>& cuts) {
-  double area = 0.0;
-  std::map<int, std::string> faces;
-  for (const auto& cut : cuts) {
-    auto& list = faces[cut.label];
-    list += fmt::format("{}{} {:.0f} mm2", list.empty() ? "" : ", ", cut.face, cut.area_mm2);
-    area += cut.area_mm2;
-  }
-  for (const auto& [id, list] : faces)
-    log::warn("{} is cut by the border of the volume: {}", image.names.at(id), list);
-  return area;
-}
-
 // Restricts the cuts of the whole volume to what survived the cleaning.
 std::vector<BorderCut> cuts_of_kept(LabelImage original, const LabelImage& kept,
                                     const std::array<int, 3>& offset) {
@@ -296,7 +280,6 @@ void run_labels(StageRun& run) {
   }
   report_bridges(run, body, min_voxels);
   const auto cuts = cuts_of_kept(std::move(image), body, offset);
-  const double cut_area = report_cuts(body, cuts);
   const LabelImage result =
       crop(body, margin_voxels(body.frame, run.param<double>("pad")), padding);
 
@@ -313,9 +296,7 @@ void run_labels(StageRun& run) {
   run.metric("pixel_type", notes.pixel_type);
   run.metric("frame_skew", notes.repair.skew);
   run.metric("frame_shift", notes.repair.shift_mm, "mm");
-  run.metric("border_area", cut_area, "mm2");
-  if (run.param<std::string>("border") == "gate")
-    run.gate("border_area", cut_area, "<=", 0.0, "mm2");
+  judge_border(run, body, cuts);
 }
 
 }  // namespace
@@ -324,7 +305,7 @@ Stage labels_stage() {
   Stage stage;
   stage.info = {
       .name = "labels",
-      .version = "2",
+      .version = "3",
       .doc = "A segmented volume to one clean, cropped label volume.",
       .inputs = {{.role = "volume",
                   .many = true,
@@ -338,6 +319,7 @@ Stage labels_stage() {
                   {"image.nrrd", "image", "the CT around the labels, on its own grid, HU"},
                   {"labels.json", "", "names, ids, volumes, components, border cuts"}},
       .params = params(),
+      .gates = {border_gate()},
       .libraries = {{"ITK", itk::Version::GetITKVersion()}}};
   stage.run = run_labels;
   stage.check = [](const StageRun& run) {

@@ -206,7 +206,9 @@ Json read_sources(const std::map<std::string, fs::path>& inputs) {
 Json verdict_of(const Json& sources) {
   int passed = 0, failed = 0;
   bool diverged = false;
+  Json caveats = Json::array();
   for (const auto& stage : sources["stages"]) {
+    for (const auto& caveat : stage["caveats"]) caveats.push_back(caveat);
     diverged = diverged || stage["exit"] == static_cast<int>(ExitCode::diverged);
     for (const auto& gate : stage["gates"]) ++(gate["passed"].get<bool>() ? passed : failed);
   }
@@ -214,7 +216,8 @@ Json verdict_of(const Json& sources) {
                       : failed > 0 ? "failed"
                       : passed > 0 ? "passed"
                                    : "ungated";
-  return {{"state", state}, {"gates_passed", passed}, {"gates_failed", failed}};
+  return {
+      {"state", state}, {"gates_passed", passed}, {"gates_failed", failed}, {"caveats", caveats}};
 }
 
 Json summary_of(const Json& report) {

@@ -20,8 +20,8 @@ namespace viscera {
 // Throws Error(bad_input) naming the file that is malformed or does not belong to its manifest.
 Json read_sources(const std::map<std::string, std::filesystem::path>& inputs);
 
-// Counts of passed and failed gates over all stages, and `state`: "diverged", "failed", "passed",
-// or "ungated" when no stage judged anything.
+// Counts of passed and failed gates and the caveats of all stages, and `state`: "diverged",
+// "failed", "passed", or "ungated" when no stage judged anything.
 Json verdict_of(const Json& sources);
 
 // The machine-readable extract: verdict, gates, scalar metrics, digests, cost; no geometry.

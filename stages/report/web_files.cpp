@@ -20,6 +20,7 @@ VISCERA_WEB_FILE(viewer_js);
 VISCERA_WEB_FILE(charts_js);
 VISCERA_WEB_FILE(slices_js);
 VISCERA_WEB_FILE(tables_js);
+VISCERA_WEB_FILE(gates_js);
 VISCERA_WEB_FILE(lost_js);
 VISCERA_WEB_FILE(inverted_js);
 VISCERA_WEB_FILE(page_js);
@@ -67,8 +68,8 @@ Page report() {
   return {"report", "result", VISCERA_WEB_VIEW(report_html),
           with_common({VISCERA_WEB_VIEW(marks_js), VISCERA_WEB_VIEW(viewer_js),
                        VISCERA_WEB_VIEW(slices_js), VISCERA_WEB_VIEW(tables_js),
-                       VISCERA_WEB_VIEW(lost_js), VISCERA_WEB_VIEW(inverted_js),
-                       VISCERA_WEB_VIEW(main_js)})};
+                       VISCERA_WEB_VIEW(gates_js), VISCERA_WEB_VIEW(lost_js),
+                       VISCERA_WEB_VIEW(inverted_js), VISCERA_WEB_VIEW(main_js)})};
 }
 
 Page compare() {

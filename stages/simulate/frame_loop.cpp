@@ -8,6 +8,7 @@
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
+#include "stages/simulate/inverted.hpp"
 
 namespace viscera {
 namespace {
@@ -182,6 +183,12 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     if (frame.now.elastic > most_elastic) {
       most_elastic = frame.now.elastic;
       outcome.most_deformed = state;
+    }
+    const auto has_fewer = [&frame](const Frame& earlier) {
+      return earlier.now.inverted < frame.now.inverted;
+    };
+    if (frame.now.inverted > 0 && std::ranges::all_of(outcome.frames, has_fewer)) {
+      outcome.most_inverted = inverted_tets(model, state);
     }
     outcome.frames.push_back(frame);
     outcome.before = std::move(outcome.last);

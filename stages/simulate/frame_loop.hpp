@@ -44,6 +44,8 @@ struct Outcome {
   sim::State last;           // the last good state
   sim::State before;         // that of the frame before, empty if there is none
   sim::State most_deformed;  // where the elastic energy was greatest
+  // Of the frame with the most inverted tets, as inverted_tets() (inverted.hpp) lists them.
+  std::vector<std::pair<double, std::size_t>> most_inverted;
 };
 
 // `keep` is called for every good frame, the first included, `kept` after it with all so far. Body

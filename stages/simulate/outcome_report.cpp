@@ -8,31 +8,13 @@
 #include <limits>
 
 #include "pipeline/contract/log.hpp"
-#include "sim/elasticity.hpp"
 #include "stages/simulate/body.hpp"
+#include "stages/simulate/gates.hpp"
+#include "stages/simulate/inverted.hpp"
 
 namespace viscera {
 
-const std::vector<std::string> expectable = {"contact_time",
-                                             "rest_time",
-                                             "min_J",
-                                             "inverted_max",
-                                             "inverted_frames",
-                                             "volume_ratio_end",
-                                             "displacement_max_end",
-                                             "residual_share_end",
-                                             "smoothness_rest",
-                                             "smoothness_max_deformation",
-                                             "stability_Cs_max",
-                                             "stability_switched_tets",
-                                             "stability_kappa_max",
-                                             "stability_courant_max",
-                                             "locking_estimate"};
-
 namespace {
-
-// Of the inverted tets those that are listed with their places, the worst first.
-constexpr std::size_t most_places = 100;
 
 double quantile(std::vector<double> values, double q) {
   if (values.empty()) return 0.0;
@@ -94,23 +76,13 @@ void report_shape(StageRun& run, const sim::Model& model, const Outcome& outcome
   run.metric("inverted_max_deformation", frame->now.inverted);
 }
 
-// The tets with the smallest J of a state, as pairs of J and number, the smallest first.
-std::vector<std::pair<double, std::size_t>> smallest_j(const sim::Model& model,
-                                                       const sim::State& state, std::size_t most) {
-  std::vector<std::pair<double, std::size_t>> tets;
-  for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    tets.emplace_back(1.0 + sim::NeoHookean::volume_strain(sim::gradient_of(model, state, t)), t);
-  }
-  const auto shown = std::min(most, tets.size());
-  std::ranges::partial_sort(tets, tets.begin() + static_cast<std::ptrdiff_t>(shown));
-  tets.resize(shown);
-  return tets;
+bool is_inverted(const Frame& frame) {
+  return frame.now.inverted > 0;
 }
 
 // Tets that are inside out: how many at the end, since when and where, and in how many frames.
 void report_inverted(StageRun& run, const sim::Model& model, const Outcome& outcome) {
   const auto& frames = outcome.frames;
-  const auto is_inverted = [](const Frame& frame) { return frame.now.inverted > 0; };
   const auto last_without = std::ranges::find_if_not(frames.rbegin(), frames.rend(), is_inverted);
   const std::size_t at_end = frames.back().now.inverted;
   std::size_t most = 0;
@@ -121,20 +93,48 @@ void report_inverted(StageRun& run, const sim::Model& model, const Outcome& outc
   run.metric("inverted_since", at_end > 0 ? Json(last_without.base()->time_s) : Json(), "s");
   Json places = Json::array();
   if (at_end == 0) return run.metric("inverted_places", places, "mm");
-  for (const auto& [j, tet] : smallest_j(model, outcome.last, most_places)) {
-    if (j > 0.0) break;
-    sim::Vec3<double> scanned, now;
-    for (const int v : model.tets[tet]) {
-      const sim::Vec3<double> at = model.origin + model.rest[v];
-      scanned += (0.25 * m_to_mm) * at;
-      now += (0.25 * m_to_mm) * (at + outcome.last.u[v]);
-    }
+  for (const auto& [j, tet] : inverted_tets(model, outcome.last)) {
+    sim::Vec3<double> now = m_to_mm * model.origin;
+    for (const int v : model.tets[tet])
+      now += (0.25 * m_to_mm) * (model.rest[v] + outcome.last.u[v]);
     places.push_back({{"tet", tet},
                       {"J", j},
-                      {"at", {scanned.x, scanned.y, scanned.z}},
+                      {"at", scanned_place(model, tet)},
                       {"at_end", {now.x, now.y, now.z}}});
   }
   run.metric("inverted_places", places, "mm");
+}
+
+const Json* find_metric(const StageRun& run, const std::string& name) {
+  const auto found = std::ranges::find(run.metrics(), name, &Metric::name);
+  return found == run.metrics().end() ? nullptr : &found->value;
+}
+
+// Where, in time or in the body, what a gate judges is found; empty where it is in no one place.
+GateDetails details_of(const std::string& metric, const StageRun& run, const sim::Model& model,
+                       const Outcome& outcome) {
+  const auto& frames = outcome.frames;
+  GateDetails details;
+  if (metric.starts_with("inverted_")) {
+    const auto worst =
+        std::ranges::max_element(frames, {}, [](const Frame& frame) { return frame.now.inverted; });
+    if (worst->now.inverted == 0) return details;
+    details.where =
+        fmt::format("in {} of {} frames, most at t {:.3f} s",
+                    std::ranges::count_if(frames, is_inverted), frames.size(), worst->time_s);
+    const auto tets =
+        metric == "inverted_end" ? inverted_tets(model, outcome.last) : outcome.most_inverted;
+    for (const auto& [j, tet] : tets) details.at.push_back(scanned_place(model, tet));
+  } else if (metric == "min_J") {
+    const auto worst =
+        std::ranges::min_element(frames, {}, [](const Frame& frame) { return frame.now.min_j; });
+    details.where = fmt::format("at t {:.3f} s", worst->time_s);
+  } else if (metric == "rest_time") {
+    details.where = ending(outcome);
+  } else if (metric == "stability_Cs_max") {
+    details.at.push_back(scanned_place(model, *find_metric(run, "stability_Cs_tet")));
+  }
+  return details;
 }
 
 // What the run waited for before it rested, or what it did not come to.
@@ -197,19 +197,26 @@ std::string ending(const Outcome& outcome) {
                          : fmt::format("not met: {}", fmt::join(missing, ", ")));
 }
 
-void apply_gates(StageRun& run, const SceneFile& file, const Outcome& outcome) {
-  run.gate("inverted_end", static_cast<double>(outcome.frames.back().now.inverted), "<=", 0.0);
+void apply_gates(StageRun& run, const sim::Model& model, const SceneFile& file,
+                 const Outcome& outcome) {
+  run.gate(simulate_gates::inverted_end, static_cast<double>(outcome.frames.back().now.inverted),
+           0.0, details_of("inverted_end", run, model, outcome));
   for (const auto& expected : file.expect) {
-    const auto found = std::ranges::find(run.metrics(), expected.metric, &Metric::name);
-    if (found == run.metrics().end()) {
-      log::info("expect.{} is not judged: this solver has no such number", expected.metric);
+    const std::string& name = expected.metric;
+    const Json* found = find_metric(run, name);
+    if (!found) {
+      log::info("expect.{} is not judged: this solver has no such number", name);
       continue;
     }
-    const Metric metric = *found;
-    const double value = metric.value.is_number() ? metric.value.get<double>()
-                                                  : std::numeric_limits<double>::quiet_NaN();
-    if (expected.min) run.gate(metric.name, value, ">=", *expected.min, metric.unit);
-    if (expected.max) run.gate(metric.name, value, "<=", *expected.max, metric.unit);
+    const double value =
+        found->is_number() ? found->get<double>() : std::numeric_limits<double>::quiet_NaN();
+    const auto judge = [&](const char* comparison, const std::optional<double>& limit) {
+      if (!limit) return;
+      run.gate(simulate_gates::expected(name, comparison), value, *limit,
+               details_of(name, run, model, outcome));
+    };
+    judge(">=", expected.min);
+    judge("<=", expected.max);
   }
 }
 

@@ -6,9 +6,6 @@
 
 namespace viscera {
 
-// Metrics on which a scene may set an expectation.
-extern const std::vector<std::string> expectable;
-
 void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& file,
                     const Schedule& schedule, const Outcome& outcome);
 
@@ -17,7 +14,8 @@ std::string ending(const Outcome& outcome);
 
 // No tet may be inside out at the end, whatever the scene expects; the scene's expectations become
 // gates on metrics of this run.
-void apply_gates(StageRun& run, const SceneFile& file, const Outcome& outcome);
+void apply_gates(StageRun& run, const sim::Model& model, const SceneFile& file,
+                 const Outcome& outcome);
 
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome);
 

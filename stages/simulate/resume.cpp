@@ -63,6 +63,7 @@ Outcome Resume::read(std::size_t frames) const {
   if (const Json& found = course.at("imbalance"); !found.is_null()) {
     outcome.rest.imbalance = {.residual = found.at(0), .loads = found.at(1)};
   }
+  course.at("most_inverted").get_to(outcome.most_inverted);
   for (const auto& frame : course.at("frames")) outcome.frames.push_back(frame_from(frame));
   outcome.last = read_checkpoint(file("last", frames, "h5"), vertices_, time_);
   if (fs::exists(file("before", frames, "h5"))) {
@@ -136,7 +137,8 @@ void Resume::save(const Outcome& outcome) {
   write_checkpoint(file("most", frames, "h5"), outcome.most_deformed, time_.substep_s());
   Json course{{"params", params_},        {"contact_time", outcome.contact_time_s},
               {"rested", outcome.rested}, {"rest_since", outcome.rest.since_s},
-              {"imbalance", nullptr},     {"frames", Json::array()}};
+              {"imbalance", nullptr},     {"most_inverted", outcome.most_inverted},
+              {"frames", Json::array()}};
   const auto& watch = outcome.watch;
   course["watch"] = {watch.least, watch.motion, watch.work, watch.displacement, watch.begun};
   if (const auto& found = outcome.rest.imbalance) {

@@ -7,7 +7,7 @@
 #include "stages/common/tet_io.hpp"
 #include "stages/simulate/accuracy.hpp"
 #include "stages/simulate/body.hpp"
-#include "stages/simulate/outcome_report.hpp"
+#include "stages/simulate/gates.hpp"
 #include "stages/simulate/solver_choice.hpp"
 #include "stages/simulate/stiffness.hpp"
 
@@ -77,6 +77,7 @@ void translated(const StageRun& run, const std::function<void()>& work) {
 
 SceneFile scene_of(const StageRun& run, const Json& changes) {
   SceneFile file = read_scene(run.input("scene"), changes);
+  const auto expectable = simulate_gates::expectable();
   for (const auto& expected : file.expect) {
     if (std::ranges::count(expectable, expected.metric)) continue;
     throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),

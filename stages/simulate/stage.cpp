@@ -23,6 +23,7 @@
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/frame_loop.hpp"
+#include "stages/simulate/gates.hpp"
 #include "stages/simulate/outcome_report.hpp"
 #include "stages/simulate/resume.hpp"
 #include "stages/simulate/scene_file.hpp"
@@ -162,7 +163,7 @@ void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& 
   const auto force = sim::ExplicitDamping::of(model, acts_s);
   const bool solved = solver.solves_damping();
   run.metric("viscosity_lowered", solved ? 0.0 : force.lowered);
-  run.gate("damping_acting", solved ? 1.0 : force.share, ">=", least_damping);
+  run.gate(simulate_gates::damping_acting, solved ? 1.0 : force.share, least_damping);
   if (solved) {
     const double every = sim::ViscousStep::of(model, scene, acts_s).tau();
     log::info(
@@ -316,7 +317,7 @@ void simulate(StageRun& run) {
   if (!outcome.divergence.empty()) {
     report_divergence(run, model, outcome);
   } else {
-    apply_gates(run, file, outcome);
+    apply_gates(run, model, file, outcome);
     log::info("{}", ending(outcome));
   }
 }
@@ -376,6 +377,7 @@ const Stage& simulate_stage() {
                        {.file = "scene.json",
                         .doc = "the scene as it ran, SI, defaults spelled out"}},
            .params = params(),
+           .gates = simulate_gates::all(),
            .libraries = {{"HDF5", hdf5_version()}, {"VTK", vtk_version()}},
            .probes = {"/proc/driver/nvidia/version", "env:CUDA_VISIBLE_DEVICES"}},
       .run = [](StageRun& run) { translated(run, [&run] { simulate(run); }); },

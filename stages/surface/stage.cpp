@@ -61,6 +61,36 @@ std::vector<Param> params() {
   };
 }
 
+// Of every label's surface.
+namespace gates {
+
+const GateInfo open_edges("open_edges", "<=", "1",
+                          "The surface has holes: it encloses no volume, and no mesh can fill it.",
+                          "raise sigma, or set method: smooth");
+const GateInfo non_manifold_edges(
+    "non_manifold_edges", "<=", "1",
+    "More than two triangles, or triangles of opposite orientation, meet at an edge: inside and "
+    "outside are not defined there.",
+    "raise sigma, or leave edge unset");
+const GateInfo degenerate_triangles(
+    "degenerate_triangles", "<=", "1",
+    "Triangles without area have no normal, and tools that need one fail on them.",
+    "leave edge unset, or raise edge_distance");
+const GateInfo self_intersections(
+    "self_intersections", "<=", "1",
+    "The surface passes through itself: what it encloses there is counted twice or not at all.",
+    "raise sigma, or lower edge_distance or leave edge unset where the surface is remeshed");
+const GateInfo volume_error(
+    "volume_error", "<=", "1",
+    "The surface does not enclose the volume of its voxels: mass and forces change by that share.",
+    "lower min_shell where small shells were dropped, lower edge_distance where the surface is "
+    "remeshed, or raise max_volume_error");
+const GateInfo lost("lost", "<=", "mm",
+                    "Smoothing took parts of the label away: the surface does not reach them.",
+                    "lower sigma, keep keep_thin on, or raise max_lost");
+
+}  // namespace gates
+
 struct Settings {
   double sigma = 0.0, lost_beyond = 0.0;   // mm
   double min_shell = 0.0;                  // mm3
@@ -130,6 +160,34 @@ Json coarsen(MatchedSurface& made, const std::string& name, const Settings& sett
           {"points_kept", remeshed.kept}};
 }
 
+using Crossings = std::vector<std::array<int, 2>>;  // pairs of triangles
+
+std::vector<std::array<double, 3>> places_of(const Crossings& crossings,
+                                             const SurfaceMesh& surface) {
+  std::vector<std::array<double, 3>> places;
+  for (const auto& pair : crossings)
+    places.push_back(surface.points[surface.triangles[pair[0]][0]]);
+  return places;
+}
+
+void judge(StageRun& run, const std::string& name, const SurfaceMesh& surface,
+           const SurfaceCheck& found, const Crossings& crossings, double error,
+           const Deviation& to_surface) {
+  const auto none = [&](const GateInfo& gate, std::size_t count, GateDetails details = {}) {
+    details.of = name;
+    run.gate(gate, static_cast<double>(count), 0.0, std::move(details));
+  };
+  none(gates::open_edges, found.open_edges);
+  none(gates::non_manifold_edges, found.non_manifold_edges + found.misoriented_edges);
+  none(gates::degenerate_triangles, found.degenerate);
+  none(gates::self_intersections, crossings.size(), {.at = places_of(crossings, surface)});
+  run.gate(gates::volume_error, std::abs(error), run.param<double>("max_volume_error"),
+           {.of = name});
+  if (!run.has_param("max_lost")) return;
+  run.gate(gates::lost, to_surface.max, run.param<double>("max_lost"),
+           {.of = name, .at = {to_surface.place}});
+}
+
 // The surface of one label (the whole body for id 0), with its metrics and gates.
 SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, const std::string& name,
                          const Settings& settings) {
@@ -140,10 +198,10 @@ SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, cons
   surface.label_names = {{label, name}};
   const Json remeshed = coarsen(made, name, settings);
   auto crossing =
-      std::async(std::launch::async, [&surface] { return self_intersections(surface).size(); });
+      std::async(std::launch::async, [&surface] { return self_intersections(surface); });
   const SurfaceCheck found = check(surface);
   const auto distance = boundary_distance(mask, surface, settings.lost_beyond);
-  const std::size_t crossings = crossing.get();
+  const Crossings crossings = crossing.get();
   const double error = found.volume / mask.volume() - 1.0;
   log::info("{}: {} triangles, {:.2f} ml ({:+.3f} %), rms {:.2f} mm, farthest voxel {:.1f} mm",
             name, surface.triangles.size(), found.volume / 1000.0, 100.0 * error,
@@ -163,22 +221,13 @@ SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, cons
                         {"non_manifold_edges", found.non_manifold_edges},
                         {"misoriented_edges", found.misoriented_edges},
                         {"degenerate_triangles", found.degenerate},
-                        {"self_intersections", crossings},
+                        {"self_intersections", crossings.size()},
                         {"voxels_to_surface", deviation_json(distance.to_surface)},
                         {"surface_to_voxels", deviation_json(distance.to_voxels)},
                         {"remeshed", remeshed},
                         {"thin_voxels", thin_voxels},
                         {"lost", lost_json(distance.lost, mask.frame.voxel_volume())}});
-  const auto none = [&](const char* what, std::size_t count) {
-    run.gate(name + what, static_cast<double>(count), "<=", 0.0);
-  };
-  none(".open_edges", found.open_edges);
-  none(".non_manifold_edges", found.non_manifold_edges + found.misoriented_edges);
-  none(".degenerate_triangles", found.degenerate);
-  none(".self_intersections", crossings);
-  run.gate(name + ".volume_error", std::abs(error), "<=", run.param<double>("max_volume_error"));
-  if (run.has_param("max_lost"))
-    run.gate(name + ".lost", distance.to_surface.max, "<=", run.param<double>("max_lost"), "mm");
+  judge(run, name, surface, found, crossings, error, distance.to_surface);
   return std::move(made.surface);
 }
 
@@ -232,6 +281,8 @@ Stage surface_stage() {
                             .doc = "labels.nrrd of viscera-labels (background around each label)"}},
                 .outputs = {{"surface.vtp", "surface", "triangles with cell array label, LPS mm"}},
                 .params = params(),
+                .gates = {gates::open_edges, gates::non_manifold_edges, gates::degenerate_triangles,
+                          gates::self_intersections, gates::volume_error, gates::lost},
                 .libraries = {{"VTK", vtkVersion::GetVTKVersion()}}};
   stage.run = run_surface;
   return stage;

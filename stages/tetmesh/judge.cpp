@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "pipeline/contract/log.hpp"
 #include "stages/common/tet_topology.hpp"
 #include "stages/common/vec.hpp"
 #include "stages/tetmesh/distance.hpp"
+#include "stages/tetmesh/gates.hpp"
 
 namespace viscera {
 namespace {
@@ -36,12 +38,19 @@ std::map<int, LabelTotal> totals(const TetMesh& mesh, const std::vector<TetQuali
   return sums;
 }
 
-void judge_volume(StageRun& run, const std::string& name, double found, double wanted,
-                  const char* limit, Json& entry) {
+// Of the worst tets by a measure those that are below the limit.
+std::vector<Vec> places_below(const Json& measure, double limit) {
+  std::vector<Vec> places;
+  for (const auto& tet : measure["worst"])
+    if (tet["value"].get<double>() < limit) places.push_back(tet["at"]);
+  return places;
+}
+
+double note_volume(double found, double wanted, Json& entry) {
   const double error = found / wanted - 1.0;
   entry["input_ml"] = wanted / 1000.0;
   entry["volume_error"] = error;
-  run.gate(name + "volume_error", std::abs(error), "<=", run.param<double>(limit));
+  return std::abs(error);
 }
 
 Json judge_volumes(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& quality,
@@ -53,7 +62,8 @@ Json judge_volumes(StageRun& run, const TetMesh& mesh, const std::vector<TetQual
     Json entry{{"name", name}, {"id", id}, {"tets", sum.tets}, {"ml", sum.volume / 1000.0}};
     const auto known = wanted.label_volumes.find(id);
     if (known != wanted.label_volumes.end())
-      judge_volume(run, name + ".", sum.volume, known->second, "max_label_error", entry);
+      run.gate(mesh_gates::label_volume_error, note_volume(sum.volume, known->second, entry),
+               run.param<double>("max_label_error"), {.of = name});
     const double error = 100.0 * entry.value("volume_error", 0.0);
     log::info("{}: {} tets, {:.2f} ml{}", name, sum.tets, sum.volume / 1000.0,
               entry.contains("volume_error") ? fmt::format(" ({:+.2f} %)", error) : "");
@@ -62,20 +72,26 @@ Json judge_volumes(StageRun& run, const TetMesh& mesh, const std::vector<TetQual
   }
   Json result{{"ml", body / 1000.0}};
   if (wanted.body_volume > 0.0)
-    judge_volume(run, "", body, wanted.body_volume, "max_volume_error", result);
+    run.gate(mesh_gates::volume_error, note_volume(body, wanted.body_volume, result),
+             run.param<double>("max_volume_error"));
   result["labels"] = std::move(list);
   return result;
 }
 
-Json judge_topology(StageRun& run, const TetMesh& mesh, const Wanted& wanted) {
+// `volumes` as in the summary of measures.
+Json judge_topology(StageRun& run, const TetMesh& mesh, const Wanted& wanted, const Json& volumes) {
   const Topology found = inspect(mesh);
-  run.gate("inverted", count(found.inverted), "<=", 0.0);
-  run.gate("duplicates", count(found.duplicate_tets + found.duplicate_points), "<=", 0.0);
-  run.gate("stray_points", count(found.stray_points), "<=", 0.0);
-  run.gate("non_manifold",
-           count(found.non_manifold_edges + found.non_manifold_points + found.overfull_faces),
-           "<=", 0.0);
-  if (wanted.bodies) run.gate("components", count(found.components), "<=", count(*wanted.bodies));
+  const auto none = [&run](const GateInfo& gate, std::size_t n, std::vector<Vec> at = {}) {
+    run.gate(gate, count(n), 0.0, {.at = std::move(at)});
+  };
+  constexpr double smallest = std::numeric_limits<double>::min();
+  none(mesh_gates::inverted, found.inverted, places_below(volumes, smallest));
+  none(mesh_gates::duplicates, found.duplicate_tets + found.duplicate_points);
+  none(mesh_gates::stray_points, found.stray_points);
+  none(mesh_gates::non_manifold,
+       found.non_manifold_edges + found.non_manifold_points + found.overfull_faces);
+  if (wanted.bodies)
+    run.gate(mesh_gates::components, count(found.components), count(*wanted.bodies));
   return {{"inverted", found.inverted},
           {"duplicate_tets", found.duplicate_tets},
           {"duplicate_points", found.duplicate_points},
@@ -238,9 +254,19 @@ Json judge_lost(StageRun& run, const Wanted& wanted, double cell_size,
   }
   const double share = lost_volume / asked_volume(wanted);
   warn_of(loss, lost_volume, share, cell_size, all);
-  run.gate("lost_volume", share, "<=", run.param<double>("max_lost_volume"));
-  run.gate("lost_distance", loss.farthest / cell_size, "<=", run.param<double>("max_lost_distance"),
-           "cell sizes");
+  // Cells that fine may be too many to mesh: whether the parts matter is the reader's to say.
+  const auto remedy = [&all](const char* limit) {
+    if (!all.cell_size) return std::string();
+    return fmt::format("set {}, which keeps the parts, or raise {} where they do not matter",
+                       all.text(), limit);
+  };
+  std::vector<Vec> places;
+  for (const LostPart& part : loss.parts) places.push_back(part.place);
+  run.gate(mesh_gates::lost_volume, share, run.param<double>("max_lost_volume"),
+           {.at = places, .remedy = remedy("max_lost_volume")});
+  run.gate(mesh_gates::lost_distance, loss.farthest / cell_size,
+           run.param<double>("max_lost_distance"),
+           {.at = {loss.place}, .remedy = remedy("max_lost_distance")});
   Json report{{"beyond_mm", lost_beyond * cell_size},
               {"ml", lost_volume / 1000.0},
               {"share", share},
@@ -262,8 +288,9 @@ SurfaceDistance judge_distance(StageRun& run, const TetMesh& mesh, const Wanted&
       "mesh to surface: rms {:.3f}, max {:.2f} mm; surface to mesh: rms {:.3f}, max {:.2f} mm",
       found.to_surface.rms, found.to_surface.max, found.to_mesh.rms, found.to_mesh.max);
   if (run.has_param("max_distance")) {
-    run.gate("max_distance", std::max(found.to_surface.max, found.to_mesh.max),
-             "<=", run.param<double>("max_distance"), "mm");
+    const auto& worse = found.to_surface.max > found.to_mesh.max ? found.to_surface : found.to_mesh;
+    run.gate(mesh_gates::max_distance, worse.max, run.param<double>("max_distance"),
+             {.at = {worse.place}});
   }
   report["distance"] = {{"to_surface", to_json(found.to_surface)},
                         {"to_mesh", to_json(found.to_mesh)},
@@ -281,7 +308,7 @@ Json judge_time_step(StageRun& run, const TetMesh& mesh, const std::vector<TetQu
     const auto altitude = found.altitude.find(label);
     if (altitude == found.altitude.end()) continue;
     const std::string& name = mesh.label_names.at(label);
-    run.gate(name + ".altitude_min", altitude->second, ">=", least, "mm");
+    run.gate(mesh_gates::altitude_min, altitude->second, least, {.of = name});
     result["labels"].push_back(
         {{"name", name}, {"altitude_min_mm", altitude->second}, {"needed_mm", least}});
   }
@@ -298,8 +325,10 @@ Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& qu
             mesh.points.size(), smallest, mean);
   Json report{{"tets", mesh.tets.size()}, {"points", mesh.points.size()}};
   report["volume"] = judge_volumes(run, mesh, quality, wanted);
-  run.gate("min_dihedral", smallest, ">=", run.param<double>("min_dihedral"), "deg");
-  report["topology"] = judge_topology(run, mesh, wanted);
+  const auto least_angle = run.param<double>("min_dihedral");
+  run.gate(mesh_gates::min_dihedral, smallest, least_angle,
+           {.at = places_below(summary["dihedral_min"], least_angle)});
+  report["topology"] = judge_topology(run, mesh, wanted, summary["volume"]);
   std::optional<SurfaceDistance> distance;
   if (wanted.surface) distance = judge_distance(run, mesh, wanted, report);
   if (wanted.labels || wanted.surface) {
@@ -309,7 +338,7 @@ Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& qu
   if (!wanted.time.materials.empty())
     report["time_step"] = judge_time_step(run, mesh, quality, wanted.time);
   if (wanted.tets)
-    run.gate("target_tets", std::abs(count(mesh.tets.size()) / *wanted.tets - 1.0), "<=", 0.1);
+    run.gate(mesh_gates::target_tets, std::abs(count(mesh.tets.size()) / *wanted.tets - 1.0), 0.1);
   report["smoothness"] = volume_smoothness(mesh, quality);
   report["measures"] = summary;
   for (const auto& [name, value] : report.items())

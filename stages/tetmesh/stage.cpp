@@ -13,6 +13,7 @@
 #include "pipeline/contract/log.hpp"
 #include "stages/common/surface_io.hpp"
 #include "stages/tetmesh/export.hpp"
+#include "stages/tetmesh/gates.hpp"
 #include "stages/tetmesh/gmsh_session.hpp"
 #include "stages/tetmesh/import.hpp"
 #include "stages/tetmesh/job.hpp"
@@ -344,6 +345,7 @@ Stage tetmesh_stage() {
                   .doc = "a mesh made elsewhere, .vtu or .msh: checked, repaired or refused"}},
       .outputs = outputs(),
       .params = params(),
+      .gates = mesh_gates::all(),
       .libraries = {{"CGAL", CGAL_VERSION_STR}, {"gmsh", gmsh_version()}}};
   stage.run = run_tetmesh;
   stage.check = [](const StageRun& run) { chosen_formats(run.params().at("formats")); };

@@ -344,6 +344,9 @@ TEST_F(Cache, AFailedGateIsKeptReportedAgainAndShownByLaterStages) {
     EXPECT_EQ(work_.started(), first ? "beta run\ngamma run\n" : "");
     EXPECT_TRUE(contains(run.out, "FAILED: size")) << run.out;
     EXPECT_TRUE(contains(run.errors, "error: ")) << run.errors;
+    for (const char* part : {"gate size: 4 mm, required <= 1 mm",
+                             "means:   The result is too large.", "remedy:  lower beta.size"})
+      EXPECT_TRUE(contains(run.errors, part)) << first << run.errors;
   }
 }
 

@@ -56,7 +56,8 @@ INSTANTIATE_TEST_SUITE_P(Each, StageFails,
                                          Misdeed{"lie_name", 1, "speaks of stage 'alpha'"},
                                          Misdeed{"lie_exit", 1, "with exit 5"},
                                          Misdeed{"lie_inputs", 1, "leaves out inputs"},
-                                         Misdeed{"undeclared", 1, "not declared"}),
+                                         Misdeed{"undeclared", 1, "not declared"},
+                                         Misdeed{"undeclared_gate", 1, "gate unknown"}),
                          [](const auto& instance) { return std::string(instance.param.how); });
 
 TEST(StageOutput, GarbageOnStderrIsShownWithoutItsControlCharacters) {

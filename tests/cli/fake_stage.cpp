@@ -27,6 +27,8 @@ std::string environment(const std::string& name) {
   return value ? value : "";
 }
 
+const GateInfo size_gate("size", "<=", "mm", "The result is too large.", "lower beta.size");
+
 Param size_param() {
   return {.name = "size",
           .type = ParamType::real,
@@ -79,6 +81,7 @@ StageInfo declare(const std::string& name) {
     info.params.push_back(size_param());
     info.params.push_back(
         {.name = "limit", .type = ParamType::real, .fallback = 100.0, .doc = "gate: size at most"});
+    info.gates = {size_gate};
     info.params.push_back({.name = "diverge",
                            .type = ParamType::text,
                            .fallback = "no",
@@ -205,7 +208,9 @@ void work(const std::string& name, StageRun& run) {
     const auto size = run.param<double>("size");
     text += std::to_string(static_cast<int>(size));
     if (environment("FAKE_beta") == "moody") text += std::to_string(getpid());
-    run.gate("size", size, "<=", run.param<double>("limit"), "mm");
+    const auto unknown = GateInfo("unknown", "<=", "mm", "It is unknown.", "declare it");
+    const bool undeclared = environment("FAKE_beta") == "undeclared_gate";
+    run.gate(undeclared ? unknown : size_gate, size, run.param<double>("limit"));
     const auto diverge = run.param<std::string>("diverge");
     if (diverge != "no") run.set_diverged("speed passed all bounds in frame 3");
     if (diverge == "lose") return;

@@ -67,6 +67,14 @@ TEST_F(Inspect, StatusSaysWhatIsDoneToDoOrFailed) {
   EXPECT_EQ(count(out({"status", "spec.yaml"}), "done"), 3) << "a success ends a failure";
 }
 
+TEST_F(Inspect, StatusSaysOfAFailedGateWhatToChange) {
+  EXPECT_EQ(work_.run({"--set", "beta.limit=1"}).exit, 5);
+  work_.started();
+  const std::string text = out({"status", "spec.yaml", "--set", "beta.limit=1"});
+  EXPECT_TRUE(contains(text, "beta: gate size: 4 mm, required <= 1 mm\n")) << text;
+  EXPECT_TRUE(contains(text, "  remedy:  lower beta.size\n")) << text;
+}
+
 TEST_F(Inspect, StatusForProgramsHasGatesAndFigures) {
   const Json json = Json::parse(out({"status", "spec.yaml", "--json"}));
   EXPECT_EQ(json["cases"][0]["state"], "ok");

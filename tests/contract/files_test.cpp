@@ -90,7 +90,9 @@ TEST(Manifest, SurvivesTheWayThroughJson) {
   manifest.metrics.push_back({"tets", 10, "1"});
   manifest.metrics.push_back({"rate", 1e6, "1/s", true});
   manifest.uncacheable = "the device failed";
-  manifest.gates.push_back({"min_dihedral", 9.0, ">=", 10.0, "deg"});
+  const GateInfo angle("min_dihedral", ">=", "deg", "The mesh has slivers.", "lower cell_size");
+  manifest.gates.push_back(judged(angle, 9.0, 10.0, {.where = "there", .at = {{1, 2, 3}}}));
+  manifest.caveats = {"The body is cut."};
   EXPECT_EQ(to_json(manifest_from_json(to_json(manifest))), to_json(manifest));
   EXPECT_FALSE(manifest.gates[0].passed());
 }

@@ -41,6 +41,7 @@ class Labels : public ::testing::Test {
     return run_stage(labels_stage(), arguments);
   }
   fs::path out() const { return folder_.path() / "out"; }
+  Json caveats() const { return testing::read_json(out() / "manifest.json")["caveats"]; }
   void expect_refused(const testing::Outcome& outcome, const std::string& words) {
     EXPECT_EQ(outcome.code, static_cast<int>(ExitCode::bad_input)) << outcome.log;
     EXPECT_NE(outcome.log.find(words), std::string::npos) << outcome.log;
@@ -161,20 +162,66 @@ TEST_F(Labels, ALabelThatDoesNotOccurIsNamedWithThoseThatDo) {
   EXPECT_EQ(run(volume, {"labels={liver: 1.5}"}).code, 3);
 }
 
-TEST_F(Labels, ABodyCutByTheBorderWarnsWithTheAreaOrFailsTheGate) {
+TEST_F(Labels, ABodyCutByTheBorderFailsTheGateOrIsAcceptedAsAFlatCapThatTheManifestNames) {
   const LabelImage slab = testing::draw(12, {1.0, 2.0, 3.0}, [](double x, double y, double) {
     return std::abs(x) < 2.0 && std::abs(y) < 4.0 ? 5 : 0;
   });
   const auto volume = write("cut.nrrd", slab);  // 4 x 4 voxels of 1 x 2 mm at either end
-  const auto warned = run(volume, {"border=warn"});
-  EXPECT_EQ(warned.code, 0) << warned.log;
-  EXPECT_NE(warned.log.find("inferior (k = 0) 32 mm2"), std::string::npos) << warned.log;
+  const auto refused = run(volume);
+  EXPECT_EQ(refused.code, static_cast<int>(ExitCode::gate_failed));
+  EXPECT_NE(refused.log.find("inferior (k = 0) 32 mm2"), std::string::npos) << refused.log;
+  for (const char* part : {"gate border_area: 64 mm2, required <= 0 mm2\n", "means:   The border",
+                           "where:   inferior side of the image, ", "labels.border: accept"})
+    EXPECT_NE(refused.log.find(part), std::string::npos) << part << "\n" << refused.log;
+  EXPECT_TRUE(caveats().empty());
+  const auto accepted = run(volume, {"border=accept"});
+  EXPECT_EQ(accepted.code, 0) << accepted.log;
   EXPECT_DOUBLE_EQ(testing::metric(out(), "border_area").get<double>(), 64.0);
-  EXPECT_EQ(run(volume).code, static_cast<int>(ExitCode::gate_failed));
+  ASSERT_EQ(caveats().size(), 1u);
+  EXPECT_EQ(caveats()[0].get<std::string>().find(
+                "The body is cut by the image's border at its inferior side ("),
+            0u);
+  EXPECT_NE(accepted.log.find("these planes are not anatomy"), std::string::npos) << accepted.log;
   // Whatever was cut is closed off by the padding.
   const auto closed = find_components(read_image(out() / "labels.nrrd").image);
   for (const auto& component : closed.list)
     EXPECT_TRUE(component.label == 0 || !component.on_border);
+}
+
+TEST_F(Labels, AnAcceptedBorderOfABodyThatIsWholeSaysNothing) {
+  EXPECT_EQ(run(write("whole.nrrd", testing::nested_balls()), {"border=accept"}).code, 0);
+  EXPECT_TRUE(caveats().empty());
+  EXPECT_TRUE(testing::metric(out(), "border_cuts").empty());
+}
+
+// A ball cut through its middle: the plane is pi r^2 of 3 pi r^2.
+TEST_F(Labels, ACutIsNamedByTheSideOfThePatientWithItsShareOfTheSurfaceAndItsPlace) {
+  LabelImage half = testing::draw(60, {1.0, 1.0, 1.0}, [](double x, double y, double z) {
+    return std::hypot(x, y - 2.0, z + 29.5) < 20.0 ? 1 : 0;
+  });
+  struct Case {
+    std::array<double, 9> direction;  // its third column is the axis along which the cut lies
+    const char* side;
+  };
+  for (const auto& [direction, side] :
+       {Case{{1, 0, 0, 0, 1, 0, 0, 0, 1}, "inferior"},
+        Case{{1, 0, 0, 0, -1, 0, 0, 0, -1}, "superior"}, Case{{0, 0, 1, 1, 0, 0, 0, 1, 0}, "right"},
+        Case{{0, 0, -1, 0, 1, 0, 1, 0, 0}, "left"}, Case{{0, 1, 0, 0, 0, 1, 1, 0, 0}, "anterior"},
+        Case{{1, 0, 0, 0, 0, -1, 0, 1, 0}, "posterior"}}) {
+    half.frame.direction = direction;
+    EXPECT_EQ(run(write("half.nrrd", half), {"border=accept"}).code, 0) << side;
+    const Json cuts = testing::metric(out(), "border_cuts");
+    ASSERT_EQ(cuts.size(), 1u) << cuts;
+    EXPECT_EQ(cuts[0]["side"], side);
+    EXPECT_NEAR(cuts[0]["share"].get<double>(), 1.0 / 3.0, 0.01);
+    const auto place = half.frame.from_lps(cuts[0]["at"].get<std::array<double, 3>>());
+    EXPECT_NEAR(place[0], 29.5, 0.1);
+    EXPECT_NEAR(place[1], 31.5, 0.1);
+    EXPECT_NEAR(place[2], -0.5, 1e-9) << "on the outer face of the last voxels";
+    const std::string sentence = std::string("The body is cut by the image's border at its ") +
+                                 side + " side (33 % of its surface): this plane is not anatomy.";
+    EXPECT_EQ(caveats(), Json::array({sentence}));
+  }
 }
 
 TEST(Clean, SpecksAndHolesGoToTheNeighbourTheyShareMostFacesWith) {
@@ -252,10 +299,20 @@ TEST(Clean, ABodyThatHangsOnAThinBridgeIsReportedWithItsPlaceAndSize) {
   EXPECT_TRUE(find_bridges(image, 1.0, 20).empty());
 }
 
+TEST_F(Labels, ARealLiverThatTheScanCutsIsNamedWithItsSideAndShare) {
+  const fs::path volume = "../shared/data/lits_liver_28.nii.gz";
+  if (!fs::exists(volume)) GTEST_SKIP() << volume << " is not here";
+  const auto outcome = run(volume, {"labels={liver: 1, tumour: 2}"});
+  EXPECT_EQ(outcome.code, static_cast<int>(ExitCode::gate_failed));
+  EXPECT_NE(outcome.log.find("where:   superior side of the image, 2.9 % of the body's surface"),
+            std::string::npos)
+      << outcome.log;
+}
+
 TEST_F(Labels, ARealSegmentationBecomesOneBodyWithItsTumours) {
   const fs::path volume = "../shared/data/lits_pred_liver_27.nii.gz";
   if (!fs::exists(volume)) GTEST_SKIP() << volume << " is not here";
-  const auto outcome = run(volume, {"labels={liver: 1, tumour: 2}", "border=gate"});
+  const auto outcome = run(volume, {"labels={liver: 1, tumour: 2}", "border=refuse"});
   ASSERT_EQ(outcome.code, 0) << outcome.log;
   const auto cleaned = read_image(out() / "labels.nrrd").image;
   LabelImage body = cleaned;

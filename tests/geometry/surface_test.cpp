@@ -104,6 +104,23 @@ TEST(Surface, SheetsStrandsAndSlotsOfOneVoxelAreKeptOrListedWithTheirPlaces) {
   EXPECT_TRUE(self_intersections(surface).empty());
 }
 
+// A body that the border of the image cut, as viscera-labels passes it on where that is accepted.
+TEST(Surface, ACutStaysAFlatCapUpToItsRim) {
+  const LabelImage image = testing::draw(50, {1, 1, 1}, [](double x, double y, double z) {
+    return z > -2.0 && std::hypot(x, y, z) < 20.0 ? 1 : 0;  // the first voxels begin at z = -2
+  });
+  const Mask mask = mask_around(image, 1, 4.0);
+  const auto surface = match_volume(mask, smooth_keeping_thin(mask, 0.8).field, 1, 0.0).surface;
+  std::size_t points = 0;
+  for (const auto& point : surface.points) {
+    const auto [x, y, z] = image.frame.from_lps(point);
+    if (std::hypot(x - 24.5, y - 24.5) > 16.0 || z > 26.0) continue;
+    EXPECT_NEAR(z - 24.5, -2.0, 0.1);
+    ++points;
+  }
+  EXPECT_GT(points, 500u);
+}
+
 TEST(Surface, WhatLiesOnTheLevelGivesNoDegenerateTriangleAndNoCrossing) {
   // A box whose sides pass through voxel centres: half of all values lie on the level.
   LabelImage image = testing::draw(20, {1, 1, 1}, [](double x, double y, double z) {

@@ -136,6 +136,7 @@ TEST_F(Tetmesh, PartsOfTheLabelThatTheMeshLacksFailItsGatesAndAreAllListed) {
   ASSERT_GT(parts, 5u) << outcome.log;
   for (const std::string& text :
        {std::string("gate lost_volume"), std::string("gate lost_distance"),
+        std::string("  remedy:  set cell_size: "),
         "and " + std::to_string(parts - 5) + " more lost parts: quality.json names them all",
         std::to_string(parts) + " lost parts, "})
     EXPECT_NE(outcome.log.find(text), std::string::npos) << text << outcome.log;

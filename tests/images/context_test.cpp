@@ -68,7 +68,7 @@ class Context : public ::testing::Test {
     return testing::run_stage(
         labels_stage(), {"--in", "volume=" + (folder_.path() / "mask").string(), "--in",
                          "image=" + (folder_.path() / "ct").string(), "--set", "min_component=0ml",
-                         "--set", "border=warn", "--out", out().string()});
+                         "--set", "border=accept", "--out", out().string()});
   }
   void expect_refused(const fs::path& image, const std::string& words) {
     const auto outcome = run(image);

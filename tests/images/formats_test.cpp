@@ -162,7 +162,7 @@ TEST_F(Formats, TheStageTakesSegmentsByNameMergesThemAndSaysWhoKeptAnOverlap) {
   const auto outcome = testing::run_stage(
       labels_stage(), {"--in", "volume=" + folder.string(), "--set",
                        "labels={tissue: [liver], lesion: tumour}", "--set", "min_component=0ml",
-                       "--set", "border=warn", "--out", (folder_.path() / "out").string()});
+                       "--set", "border=accept", "--out", (folder_.path() / "out").string()});
   ASSERT_EQ(outcome.code, 0) << outcome.log;
   const auto overlaps = testing::metric(folder_.path() / "out", "overlaps");
   EXPECT_EQ(overlaps[0].at("kept"), "lesion");

@@ -71,13 +71,14 @@ class Resumed : public Simulate {
     }
     EXPECT_EQ(metrics_of(one), metrics_of(other));
   }
-  // Those that are not figures of the machine.
+  // Those that are not figures of the machine, and the gates.
   Json metrics_of(const std::string& out) const {
     Json kept = Json::array();
     const Json manifest = Json::parse(read_file(path(out) / "manifest.json"));
     for (const auto& metric : manifest["metrics"]) {
       if (!metric.value("machine", false)) kept.push_back(metric);
     }
+    kept.push_back(manifest["gates"]);
     return kept;
   }
 };

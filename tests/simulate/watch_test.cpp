@@ -39,13 +39,18 @@ TEST_F(Simulate, AnObstacleThatPressesIsNoDivergence) {
 }
 
 // A cube that is pressed flat between two planes far faster than it can follow.
+std::string crushed_scene() {
+  return with(
+      with(stiff_scene("5 kPa", "warn"), "clearance: 5 mm", "clearance: 0 mm"), "  viscosity:",
+      "  viscosity:\n  fixed: {side: inferior}\n"
+      "  prescribed: {side: superior, displacement: [0 mm, 0 mm, -60 mm], duration: 50 ms}");
+}
+
 TEST_F(Simulate, InvertedTetsAtTheEndFailAGateWithoutAnyExpectationAndAreListed) {
-  const auto crushed =
-      with(with(stiff_scene("5 kPa", "warn"), "clearance: 5 mm", "clearance: 0 mm"), "  viscosity:",
-           "  viscosity:\n  fixed: {side: inferior}\n"
-           "  prescribed: {side: superior, displacement: [0 mm, 0 mm, -60 mm], duration: 50 ms}");
-  ASSERT_EQ(run(crushed, {"--set", "end=0.2s"}), 5) << errors;
-  EXPECT_NE(errors.find("gate inverted_end"), std::string::npos) << errors;
+  ASSERT_EQ(run(crushed_scene(), {"--set", "end=0.2s"}), 5) << errors;
+  for (const char* part : {"gate inverted_end: ", "  means:   Tets are turned inside out",
+                           "  where:   in ", ") mm", "  remedy:  raise substeps"})
+    EXPECT_NE(errors.find(part), std::string::npos) << part << "\n" << errors;
   const auto count = metric("inverted_end").get<std::size_t>();
   EXPECT_GT(count, 0u);
   EXPECT_GE(metric("inverted_frames").get<std::size_t>(), 1u);
@@ -60,6 +65,17 @@ TEST_F(Simulate, InvertedTetsAtTheEndFailAGateWithoutAnyExpectationAndAreListed)
     EXPECT_LE(places[0]["at"][axis].get<double>(), low + 60.0);
   }
   EXPECT_NE(std::ranges::find(missing, "inverted tets"), missing.end());
+}
+
+TEST_F(Simulate, TetsThatAreInvertedOnTheWayFailTheirExpectationWithTheTimeAndThePlaces) {
+  const std::string crushed = crushed_scene() + "expect: {inverted_max: {max: 0}}\n";
+  ASSERT_EQ(run(crushed, {"--set", "end=0.2s"}), 5) << errors;
+  const auto gates = manifest().gates;
+  const auto gate = std::ranges::find(gates, "inverted_max", &Gate::name);
+  ASSERT_NE(gate, gates.end());
+  EXPECT_NE(gate->where.find("frames, most at t "), std::string::npos) << gate->where;
+  EXPECT_EQ(gate->at.size(), std::min<std::size_t>(static_cast<std::size_t>(gate->value), 100));
+  EXPECT_NE(gate->remedy.find("raise substeps"), std::string::npos);
 }
 
 TEST_F(Simulate, WithoutInvertedTetsTheGatePasses) {

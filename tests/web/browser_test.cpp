@@ -71,6 +71,13 @@ class Web : public ::testing::Test {
   Browser browser_{folder_.path()};
 };
 
+// From the first `begin` to the next `end`.
+std::string between(const std::string& text, const std::string& begin, const std::string& end) {
+  const auto from = text.find(begin);
+  if (from == std::string::npos) return "";
+  return text.substr(from, text.find(end, from) - from);
+}
+
 // Part of a rectangle in the second label's orange, seen through the first label or bare.
 double orange_part(const Picture& picture, const Rectangle& r) {
   int orange = 0;
@@ -186,14 +193,37 @@ TEST_F(Web, TheCtIsShownWithTheLabelsOnIt) {
   EXPECT_EQ(browser_.console(), "");
 }
 
-TEST_F(Web, AFailedGateLeadsThePage) {
+TEST_F(Web, AFailedGateLeadsThePageWithItsMeaningAndRemedyAndItsPlaceIsRinged) {
   SampleRun run;
   run.gate_fails = true;
   make_whole_report(run);
   const std::string document = browser_.document(address(""), width, height);
   EXPECT_NE(document.find("1 of 4 quality gates failed"), std::string::npos);
-  EXPECT_NE(document.find("gates failed: min_dihedral"), std::string::npos);
+  const std::string verdict = between(document, "id=\"verdict\"", "</div>");
+  EXPECT_NE(verdict.find("min dihedral 12.31°, required ≥ 15°"), std::string::npos) << verdict;
+  EXPECT_NE(
+      verdict.find(
+          "The mesh has slivers. At (-12.5, 44.1, 8.3) mm LPS. To change it: set improve: own."),
+      std::string::npos)
+      << verdict;
+  const std::string table = between(document, "id=\"gates-table\"", "</table>");
+  for (const char* text : {"The mesh has slivers.", "at (-12.5, 44.1, 8.3) mm", "set improve: own"})
+    EXPECT_NE(table.find(text), std::string::npos) << text << table;
+  EXPECT_EQ(document.find("id=\"gates-choice\" hidden"), std::string::npos) << "no rings";
   EXPECT_NE(document.find("attachment, tearing, self contact"), std::string::npos) << "effects off";
+  EXPECT_EQ(browser_.console(), "");
+}
+
+TEST_F(Web, ACaveatIsTheFirstLineOfTheReportAndStandsInItsSummary) {
+  SampleRun run;
+  run.caveat = "The body is cut at its <superior> side.";
+  make_whole_report(run);
+  const std::string document = browser_.document(address(""), width, height);
+  const std::string verdict = between(document, "id=\"verdict\"", "</div>");
+  const auto caveat = verdict.find("The body is cut at its &lt;superior&gt; side.");
+  EXPECT_LT(caveat, verdict.find("All 4 quality gates passed")) << verdict;
+  const Json summary = Json::parse(read_file(out_ / "summary.json"));
+  EXPECT_EQ(summary["verdict"]["caveats"], Json::array({run.caveat}));
 }
 
 TEST_F(Web, FiftyThousandTetsStaySmallAndOpenSoon) {

@@ -283,8 +283,10 @@ TEST_F(Report, SourcesAreGatheredAndLinked) {
   EXPECT_EQ(sources["scene"]["effects"]["ground"]["clearance"], 0.05);
   ASSERT_EQ(sources["links"].size(), 2u);
   EXPECT_TRUE(sources["links"][0]["given"].get<bool>());
-  EXPECT_EQ(verdict_of(sources),
-            (Json{{"state", "passed"}, {"gates_passed", 4}, {"gates_failed", 0}}));
+  EXPECT_EQ(verdict_of(sources), (Json{{"state", "passed"},
+                                       {"gates_passed", 4},
+                                       {"gates_failed", 0},
+                                       {"caveats", Json::array()}}));
 }
 
 TEST_F(Report, FilesWithoutCompanionsAreReportedAsThatAndNoMore) {

@@ -153,7 +153,8 @@ void publish(const fs::path& folder, Manifest m, const std::vector<std::string>&
   write_atomically(folder / "manifest.json", to_json(m).dump(1));
 }
 
-void write_labels(const fs::path& folder, const std::string& tumour) {
+void write_labels(const fs::path& folder, const SampleRun& run) {
+  const std::string& tumour = run.tumour_name;
   fs::create_directories(folder);
   write_atomically(folder / "labels.nrrd", "NRRD0004\n");
   const Json labels = {{{"name", "liver"},
@@ -167,6 +168,7 @@ void write_labels(const fs::path& folder, const std::string& tumour) {
   Manifest m = manifest_of("labels");
   m.inputs.emplace("volume", FileDigest{"patient/segmentation.nii.gz", sha256("ct"), 481922});
   m.metrics = {{"labels", 2, "1"}, {"volume", 1763.2, "ml"}, {"spacing", {0.78, 0.78, 2.5}, "mm"}};
+  if (!run.caveat.empty()) m.caveats = {run.caveat};
   m.wall_s = 2.31, m.cpu_s = 2.22, m.max_rss_mb = 412.0;
   publish(folder, m, {"labels.nrrd", "labels.json"});
 }
@@ -190,8 +192,10 @@ void write_tetmesh(const fs::path& folder, const fs::path& labels, const TetMesh
                      {"component_tets", {tets}}},
                 "1"},
                {"hausdorff", 0.57, "mm"}};
-  m.gates = {{"min_dihedral", 12.31, ">=", run.gate_fails ? 15.0 : 10.0, "deg"},
-             {"volume_error", 0.91, "<=", 1.0, "percent"}};
+  m.gates = {judged({"min_dihedral", ">=", "deg", "The mesh has slivers.", "set improve: own"},
+                    12.31, run.gate_fails ? 15.0 : 10.0, {.at = {{-12.5, 44.1, 8.25}}}),
+             judged({"volume_error", "<=", "percent", "It has another volume.", "lower cell_size"},
+                    0.91, 1.0)};
   if (run.gate_fails) {
     m.exit = ExitCode::gate_failed;
     m.message = "gates failed: min_dihedral";
@@ -229,7 +233,9 @@ void write_simulation(const fs::path& folder, const fs::path& mesh_file, const T
                {"stability_kappa_max", 7.9, "1"},
                {"effects_on", {"neo_hookean", "gravity", "ground_contact", "friction"}, "1"},
                {"effects_off", {"attachment", "tearing", "self_contact"}, "1"}};
-  m.gates = {{"max_volume_change", 0.7, "<=", 2.0, "percent"}, {"inverted_tets", 0, "<=", 0, "1"}};
+  m.gates = {
+      judged({"max_volume_change", "<=", "percent", "It is compressible.", "raise nu"}, 0.7, 2),
+      judged({"inverted_tets", "<=", "1", "Tets are inverted.", "raise substeps"}, 0, 0)};
   m.device = "cpu, 2 threads";
   m.wall_s = 78.4, m.cpu_s = 151.0, m.max_rss_mb = 236.0;
   publish(folder, m, {"trajectory.h5", "trajectory.xdmf", "metrics.csv", "scene.json"});
@@ -266,7 +272,7 @@ TetMesh sample_mesh(int cells) {
 void write_sample_run(const fs::path& folder, const SampleRun& run) {
   TetMesh mesh = sample_mesh(run.cells);
   mesh.label_names[2] = run.tumour_name;
-  write_labels(folder / "labels", run.tumour_name);
+  write_labels(folder / "labels", run);
   write_tetmesh(folder / "tetmesh", folder / "labels" / "labels.nrrd", mesh, run);
   write_simulation(folder / "simulate", folder / "tetmesh" / "mesh.vtu", mesh, run.frames);
 }

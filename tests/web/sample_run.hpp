@@ -15,6 +15,7 @@ struct SampleRun {
   int frames = 12;
   std::string tumour_name = "tumour";
   bool gate_fails = false;
+  std::string caveat = {};  // of the labels
 };
 
 TetMesh sample_mesh(int cells);

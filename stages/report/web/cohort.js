@@ -8,9 +8,7 @@
 
   const lines = texts => texts.length
     ? element("span", {}, ...texts.map(text => element("div", {}, text))) : "–";
-  const failedGate = ({stage, gate}) => `${stage}: ${words(gate.name, gate.unit)} ` +
-    `${quantity(gate.value, gate.unit)}, required ${gate.comparison === ">=" ? "≥" : "≤"} ` +
-    quantity(gate.limit, gate.unit);
+  const failedGate = ({stage, gate}) => `${stage}: ${viscera.gateText(gate)}`;
   const outlier = o => `${o.stage}: ${words(o.name, o.unit)} ${quantity(o.value, o.unit)} ` +
     `(median ${quantity(o.median, o.unit)})`;
 

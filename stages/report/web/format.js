@@ -53,6 +53,12 @@ viscera.words = function (name, unit) {
   return bare.replace(/_/g, " ");
 };
 
+// "min dihedral 9°, required ≥ 10°"
+viscera.required = gate =>
+  (gate.comparison === ">=" ? "≥ " : "≤ ") + viscera.quantity(gate.limit, gate.unit);
+viscera.gateText = gate => `${viscera.words(gate.name, gate.unit)} ` +
+  `${viscera.quantity(gate.value, gate.unit)}, required ${viscera.required(gate)}`;
+
 // The longest of 1, 2, 5, 10, 20, … that is no longer than `length`.
 viscera.roundLength = function (length) {
   const decade = 10 ** Math.floor(Math.log10(length));

@@ -4,7 +4,8 @@
 
 (function () {
   const timeCharts = [], charts = [];
-  let viewer = null, times = [], frame = 0, playing = false, lostMarks = null, invertedMarks = null;
+  let viewer = null, times = [], frame = 0, playing = false, gateMarks = null, lostMarks = null,
+    invertedMarks = null;
   const page = viscera.openPage(charts, () => { if (viewer) viewer.theme(); }, message =>
     byId("verdict").append(viscera.element("p", {class: "fail"},
       "This page could not be drawn completely: " + message)));
@@ -156,6 +157,7 @@
       byId(name + "-rings").addEventListener("change", e => marks.show(e.target.checked));
       return marks;
     };
+    gateMarks = marked("gates", viscera.gatePlaces(report));
     lostMarks = marked("lost", viscera.lostParts(report));
     invertedMarks = marked("inverted", viscera.invertedPlaces(report));
     connectView();
@@ -215,7 +217,7 @@
     if (report.slices) await startSlices();
     viscera.lostTable(report, lostMarks && lostMarks.pointOut);
     viscera.invertedTable(report, invertedMarks && invertedMarks.pointOut);
-    viscera.gates(report);
+    viscera.gates(report, gateMarks && gateMarks.pointOut);
     viscera.scene(report);
     viscera.qualityTables(report);
     viscera.stageTable(report);

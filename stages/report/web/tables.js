@@ -1,4 +1,4 @@
-// Everything on the page that is text: verdict, key figures, gates, cost, metrics, provenance.
+// Everything on the page that is text: verdict, key figures, cost, metrics, provenance.
 // What a report does not hold is left out, never shown empty.
 "use strict";
 
@@ -59,10 +59,15 @@ viscera.verdict = function (report) {
   }[state];
   const box = byId("verdict");
   box.dataset.state = state;
+  for (const caveat of report.verdict.caveats) {
+    box.append(el("p", {class: "caveat"}, "⚠ " + caveat));
+  }
   box.append(el("strong", {}, text), el("span", {class: "caution"}, "Not for clinical use"));
-  for (const stage of report.stages.filter(s => s.message)) {
+  const gateFailed = 5;  // the exit code whose message only names the gates
+  for (const stage of report.stages.filter(s => s.message && s.exit !== gateFailed)) {
     box.append(el("p", {}, stageTitle(stage.stage) + ": " + stage.message));
   }
+  viscera.failuresInShort(report, box);
 };
 
 viscera.keyFigures = function (report) {
@@ -154,26 +159,6 @@ viscera.labelTable = function (table, report, colours, toggle) {
       number(row[key] === undefined || row[key] === null ? "–" : viscera.number(
         key === "error" ? Number(row[key].toPrecision(2)) : row[key])))];
   }));
-};
-
-viscera.gates = function (report) {
-  const all = report.stages.flatMap(({stage, gates}) => gates.map(gate => ({...gate, stage})));
-  const failed = all.filter(gate => !gate.passed), passed = all.filter(gate => gate.passed);
-  const row = gate => [
-    el("td", {}, el("span", {class: gate.passed ? "pass" : "fail"},
-                    gate.passed ? "✓ passed" : "✗ failed")),
-    head(viscera.words(gate.name, gate.unit)), number(viscera.quantity(gate.value, gate.unit)),
-    number((gate.comparison === ">=" ? "≥ " : "≤ ") + viscera.quantity(gate.limit, gate.unit)),
-    cell(stageTitle(gate.stage))];
-  const heads = ["Verdict", "Gate", "#Found", "#Required", "Stage"];
-  // Many passed gates would push the page's figures down: they wait folded.
-  const fold = all.length > 10;
-  fillTable("gates-table", heads, (fold ? failed : failed.concat(passed)).map(row));
-  if (!fold) return;
-  byId("gates-table").hidden = failed.length === 0;
-  byId("gates-more").hidden = passed.length === 0;
-  byId("gates-count").textContent = `The ${passed.length} gates that passed`;
-  fillTable("gates-passed", heads, passed.map(row));
 };
 
 // What was simulated: the effects that were on and off, and the scene's materials and settings.
