@@ -45,7 +45,7 @@ struct StageInfo {
 };
 
 Json to_json(const StageInfo& info);
-StageInfo stage_info_from_json(const Json& json);
+StageInfo stage_info_from_json(const JsonValue& json);  // throws Error(bad_input)
 
 struct Metric {
   std::string name;
@@ -93,7 +93,7 @@ struct Manifest {
 std::string file_name(const std::string& path);
 
 Json to_json(const Manifest& manifest);
-Manifest manifest_from_json(const Json& json);
+Manifest manifest_from_json(const JsonValue& json);  // throws Error(bad_input)
 
 // The plain file names that the outputs of a `manifest.json` with this text name; none of a text
 // that is no manifest, or of names that lead out of its folder.
