@@ -202,9 +202,11 @@ void Store::place(const FileDigest& output, const fs::path& target) {
   const fs::path partial =
       target.parent_path() / fmt::format(".{}.{}", target.filename().string(), getpid());
   fs::remove(partial, failure);
-  fs::create_hard_link(stored, partial, failure);
-  if (failure) fs::copy_file(stored, partial);  // another file system, or one without links
-  fs::rename(partial, target);
+  digests_.keep_over(stored, [&] {
+    fs::create_hard_link(stored, partial, failure);
+    if (failure) fs::copy_file(stored, partial);  // another file system, or one without links
+    fs::rename(partial, target);
+  });
 }
 
 std::unique_ptr<FileLock> Store::lock(const std::string& key, const std::string& purpose,
