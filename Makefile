@@ -162,7 +162,7 @@ sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and Thr
 	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
 	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
 
-fuzz: all-packages ## the image readers under libFuzzer, a minute in all (FUZZ_SECONDS each)
+fuzz: all-packages ## the readers of images, manifests and specs under libFuzzer, 90 s in all (FUZZ_SECONDS each)
 	@.ci/fuzz
 
 format: ## bring every source into the house style

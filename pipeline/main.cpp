@@ -52,7 +52,8 @@ CLI::App* declare_run(CLI::App& app, RunOptions& options) {
   run->add_flag("--keep-going", options.spec.keep_going,
                 "go on with all that does not need what failed");
   run->add_option("--jobs", options.jobs, "stages at once")->check(CLI::Range(1, 1024));
-  run->add_option("--threads", options.threads, "of each stage [its share of all]")
+  run->add_option("--threads", options.threads,
+                  "of each stage, at most the machine's [its share of all]")
       ->check(CLI::Range(0, 1024));
   run->add_option("--gpus", options.gpus, "stages at once that may use a GPU [one for each GPU]")
       ->check(CLI::Range(1, 1024));

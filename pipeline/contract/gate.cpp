@@ -7,6 +7,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "pipeline/contract/json_value.hpp"
+
 namespace viscera {
 namespace {
 
@@ -95,21 +97,30 @@ Json to_json(const Gate& gate) {
   return json;
 }
 
-Gate gate_from_json(const Json& json) {
+Gate gate_from_json(const JsonValue& json) {
   // A gate on a metric that is not finite is written as null and cannot have passed.
-  const auto number = [&json](const char* key) {
-    return json.at(key).is_null() ? std::numeric_limits<double>::quiet_NaN()
-                                  : json.at(key).get<double>();
+  const auto number = [&json](const char* member) {
+    const auto value = json.find(member);
+    return value ? value->number() : std::numeric_limits<double>::quiet_NaN();
   };
-  return {.name = json.at("name"),
-          .value = number("value"),
-          .comparison = json.at("comparison"),
-          .limit = number("limit"),
-          .unit = json.at("unit"),
-          .meaning = json.value("meaning", ""),
-          .remedy = json.value("remedy", ""),
-          .where = json.value("where", ""),
-          .at = json.value("at", std::vector<std::array<double, 3>>{})};
+  const auto text = [&json](const char* member) {
+    const auto value = json.find(member);
+    return value ? value->text() : "";
+  };
+  Gate gate{.name = json["name"].text(),
+            .value = number("value"),
+            .comparison = json["comparison"].text(),
+            .limit = number("limit"),
+            .unit = json["unit"].text(),
+            .meaning = text("meaning"),
+            .remedy = text("remedy"),
+            .where = text("where")};
+  if (const auto places = json.find("at")) {
+    for (const auto& place : places->items()) {
+      gate.at.push_back({place[0].number(), place[1].number(), place[2].number()});
+    }
+  }
+  return gate;
 }
 
 }  // namespace viscera

@@ -10,6 +10,8 @@
 
 namespace viscera {
 
+class JsonValue;
+
 // A gate as its stage declares it. Whoever reads of its failure must learn what the result is worth
 // and what to do, so that nothing here may be left out.
 struct GateInfo {
@@ -57,6 +59,6 @@ std::string failure_message(const Gate& gate);
 
 Json to_json(const Gate& gate);
 // Gates of manifests that earlier versions wrote have no texts and no places.
-Gate gate_from_json(const Json& json);
+Gate gate_from_json(const JsonValue& json);
 
 }  // namespace viscera

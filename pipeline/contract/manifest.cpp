@@ -2,9 +2,23 @@
 
 #include <filesystem>
 
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/json_value.hpp"
 
 namespace viscera {
+namespace {
+
+bool is_set(const JsonValue& json, const char* flag) {
+  const auto value = json.find(flag);
+  return value && value->flag();
+}
+
+FileDigest file_from(const JsonValue& json) {
+  return {.path = json["path"].text(),
+          .sha256 = json["sha256"].text(),
+          .bytes = json["bytes"].whole<std::uintmax_t>()};
+}
+
+}  // namespace
 
 Json to_json(const StageInfo& info) {
   Json json{{"schema", manifest_schema},
@@ -32,22 +46,25 @@ Json to_json(const StageInfo& info) {
   return json;
 }
 
-StageInfo stage_info_from_json(const Json& json) {
-  StageInfo info{.name = json.at("stage"), .version = json.at("version"), .doc = json.at("doc")};
-  for (const auto& input : json.at("inputs")) {
-    info.inputs.push_back({.role = input.at("role"),
-                           .required = input.at("required"),
-                           .many = input.at("many"),
-                           .doc = input.at("doc"),
-                           .manifest = input.value("manifest", false)});
+StageInfo stage_info_from_json(const JsonValue& json) {
+  StageInfo info{.name = json["stage"].text(),
+                 .version = json["version"].text(),
+                 .doc = json["doc"].text(),
+                 .libraries = json["libraries"].texts_by_name(),
+                 .probes = json["probes"].texts()};
+  for (const auto& input : json["inputs"].items()) {
+    info.inputs.push_back({.role = input["role"].text(),
+                           .required = input["required"].flag(),
+                           .many = input["many"].flag(),
+                           .doc = input["doc"].text(),
+                           .manifest = is_set(input, "manifest")});
   }
-  for (const auto& output : json.at("outputs")) {
-    info.outputs.push_back(
-        {.file = output.at("file"), .role = output.at("role"), .doc = output.at("doc")});
+  for (const auto& output : json["outputs"].items()) {
+    info.outputs.push_back({.file = output["file"].text(),
+                            .role = output["role"].text(),
+                            .doc = output["doc"].text()});
   }
-  for (const auto& param : json.at("params")) info.params.push_back(param_from_json(param));
-  info.libraries = json.at("libraries").get<std::map<std::string, std::string>>();
-  info.probes = json.at("probes").get<std::vector<std::string>>();
+  for (const auto& param : json["params"].items()) info.params.push_back(param_from_json(param));
   return info;
 }
 
@@ -93,49 +110,46 @@ Json to_json(const Manifest& m) {
   return json;
 }
 
-Manifest manifest_from_json(const Json& json) {
+Manifest manifest_from_json(const JsonValue& json) {
   Manifest m;
-  m.stage = json.at("stage");
-  m.version = json.at("version");
-  m.exit = static_cast<ExitCode>(json.at("exit").get<int>());
-  m.message = json.at("message");
-  m.params = json.at("params");
-  m.param_units = json.at("param_units").get<std::map<std::string, std::string>>();
-  m.frame = json.at("frame");
-  for (const auto& file : json.at("inputs")) {
-    m.inputs.emplace(file.at("role"), FileDigest{.path = file.at("path"),
-                                                 .sha256 = file.at("sha256"),
-                                                 .bytes = file.at("bytes")});
+  m.stage = json["stage"].text();
+  m.version = json["version"].text();
+  m.exit = static_cast<ExitCode>(json["exit"].whole<int>());
+  m.message = json["message"].text();
+  m.params = json["params"].object();
+  m.param_units = json["param_units"].texts_by_name();
+  m.frame = json["frame"].text();
+  for (const auto& file : json["inputs"].items())
+    m.inputs.emplace(file["role"].text(), file_from(file));
+  for (const auto& file : json["outputs"].items()) m.outputs.push_back(file_from(file));
+  for (const auto& metric : json["metrics"].items()) {
+    m.metrics.push_back({.name = metric["name"].text(),
+                         .value = metric["value"].raw(),
+                         .unit = metric["unit"].text(),
+                         .machine = is_set(metric, "machine")});
   }
-  for (const auto& file : json.at("outputs")) {
-    m.outputs.push_back(
-        {.path = file.at("path"), .sha256 = file.at("sha256"), .bytes = file.at("bytes")});
-  }
-  for (const auto& metric : json.at("metrics")) {
-    m.metrics.push_back({.name = metric.at("name"),
-                         .value = metric.at("value"),
-                         .unit = metric.at("unit"),
-                         .machine = metric.value("machine", false)});
-  }
-  for (const auto& gate : json.at("gates")) m.gates.push_back(gate_from_json(gate));
-  m.caveats = json.value("caveats", std::vector<std::string>{});
-  m.libraries = json.at("libraries").get<std::map<std::string, std::string>>();
-  m.device = json.at("device");
-  m.uncacheable = json.value("uncacheable_because", "");
-  m.started = json.at("started");
-  m.wall_s = json.at("wall_s");
-  m.cpu_s = json.at("cpu_s");
-  m.max_rss_mb = json.at("max_rss_mb");
+  for (const auto& gate : json["gates"].items()) m.gates.push_back(gate_from_json(gate));
+  if (const auto caveats = json.find("caveats")) m.caveats = caveats->texts();
+  m.libraries = json["libraries"].texts_by_name();
+  m.device = json["device"].text();
+  if (const auto why = json.find("uncacheable_because")) m.uncacheable = why->text();
+  m.started = json["started"].text();
+  m.wall_s = json["wall_s"].number();
+  m.cpu_s = json["cpu_s"].number();
+  m.max_rss_mb = json["max_rss_mb"].number();
   return m;
 }
 
 std::vector<std::string> outputs_named_by(std::string_view manifest_text) {
-  const Json json = parse_json(manifest_text);
+  const JsonText manifest(manifest_text, "manifest.json");
   std::vector<std::string> names;
-  if (!json.is_object() || !json.contains("outputs") || !json["outputs"].is_array()) return names;
-  for (const auto& file : json["outputs"]) {
-    if (!file.is_object() || !file.contains("path") || !file["path"].is_string()) continue;
-    if (is_file_name(file["path"])) names.push_back(file["path"]);
+  try {
+    for (const auto& file : manifest.root()["outputs"].items()) {
+      std::string name = file["path"].text();
+      if (is_file_name(name)) names.push_back(std::move(name));
+    }
+  } catch (const Error&) {
+    names.clear();  // somebody else's file
   }
   return names;
 }

@@ -47,8 +47,8 @@ struct StageInfo {
 };
 
 Json to_json(const StageInfo& info);
-// Without the gates, of which only people who ask for `describe` read.
-StageInfo stage_info_from_json(const Json& json);
+// Without the gates, of which only people who ask for `describe` read. Throws Error(bad_input).
+StageInfo stage_info_from_json(const JsonValue& json);
 
 struct Metric {
   std::string name;
@@ -88,7 +88,7 @@ struct Manifest {
 std::string file_name(const std::string& path);
 
 Json to_json(const Manifest& manifest);
-Manifest manifest_from_json(const Json& json);
+Manifest manifest_from_json(const JsonValue& json);  // throws Error(bad_input)
 
 // The plain file names that the outputs of a `manifest.json` with this text name; none of a text
 // that is no manifest, or of names that lead out of its folder.

@@ -1,6 +1,7 @@
 #include "pipeline/contract/param.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <cmath>
 
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "pipeline/contract/units.hpp"
 
 namespace viscera {
@@ -66,6 +68,14 @@ Json scalar_from_text(const std::string& text) {
   return text;
 }
 
+// Of a number with a point, as 16.0: JSON knows no other numbers.
+bool is_whole(const Json& value) {
+  constexpr double exact = 9007199254740992.0;  // 2^53, up to which every whole number is a double
+  if (!value.is_number_float()) return false;
+  const double number = value.get<double>();
+  return std::abs(number) <= exact && std::floor(number) == number;
+}
+
 Json from_yaml(const YAML::Node& node) {
   switch (node.Type()) {
     case YAML::NodeType::Scalar:
@@ -86,6 +96,10 @@ Json from_yaml(const YAML::Node& node) {
 }
 
 }  // namespace
+
+bool is_thread_count(const Param& param) {
+  return param.name == "threads" && param.type == ParamType::integer && !param.in_key;
+}
 
 Param quantity(const char* name, Json fallback, const char* unit, double lo, double hi,
                const char* doc) {
@@ -109,21 +123,21 @@ Json to_json(const Param& param) {
   return json;
 }
 
-Param param_from_json(const Json& json) {
-  Param param;
-  param.name = json.at("name");
-  const auto type = std::find(type_names.begin(), type_names.end(), json.at("type"));
+Param param_from_json(const JsonValue& json) {
+  const JsonValue type_name = json["type"];
+  const auto type = std::find(type_names.begin(), type_names.end(), type_name.text());
   if (type == type_names.end()) {
-    throw Error(ExitCode::internal, {.field = param.name, .found = "type " + json["type"].dump()});
+    throw type_name.refused(fmt::format("{}", fmt::join(type_names, ", ")));
   }
-  param.type = static_cast<ParamType>(type - type_names.begin());
-  param.fallback = json.at("default");
-  param.unit = json.value("unit", "1");
-  if (json.contains("min")) param.lo = json["min"].get<double>();
-  if (json.contains("max")) param.hi = json["max"].get<double>();
-  if (json.contains("choices")) param.choices = json["choices"].get<std::vector<std::string>>();
-  param.doc = json.value("doc", "");
-  param.in_key = json.value("in_key", true);
+  Param param{.name = json["name"].text(),
+              .type = static_cast<ParamType>(type - type_names.begin()),
+              .fallback = json["default"].raw()};
+  if (const auto unit = json.find("unit")) param.unit = unit->text();
+  if (const auto least = json.find("min")) param.lo = least->number();
+  if (const auto most = json.find("max")) param.hi = most->number();
+  if (const auto choices = json.find("choices")) param.choices = choices->texts();
+  if (const auto doc = json.find("doc")) param.doc = doc->text();
+  if (const auto in_key = json.find("in_key")) param.in_key = in_key->flag();
   return param;
 }
 
@@ -135,7 +149,7 @@ Json value_from_text(const std::string& text) {
   } catch (const YAML::Exception& e) {
     throw Error(ExitCode::bad_config, {.where = "command line",
                                        .field = "--set",
-                                       .found = fmt::format("'{}': {}", text, e.msg),
+                                       .found = fmt::format("'{:.100}': {}", text, e.msg),
                                        .allowed = "a scalar, [a, b] or {name: value}"});
   }
   return scalar_from_text(text);
@@ -165,6 +179,7 @@ Json resolve_value(const Param& param, const Json& given, const std::string& whe
       break;
     case ParamType::integer:
       if (given.is_number_integer() && in_range(given.get<double>())) return given;
+      if (is_whole(given) && in_range(given.get<double>())) return given.get<std::int64_t>();
       break;
     case ParamType::real: {
       if (!given.is_number() && !given.is_string()) break;

@@ -10,6 +10,7 @@
 namespace viscera {
 
 using Json = nlohmann::ordered_json;
+class JsonValue;  // json_value.hpp
 
 enum class ParamType { boolean, integer, real, text, list, map };
 
@@ -24,12 +25,16 @@ struct Param {
   bool in_key = true;  // false: cannot change the results (threads, log flags)
 };
 
+// The number of CPU threads of a stage, 0 for all: a param `threads` that no result depends on. The
+// engine sets it where the spec does not, and a stage lowers it to the cores of its machine.
+bool is_thread_count(const Param& param);
+
 // A real in [lo, hi] of `unit`.
 Param quantity(const char* name, Json fallback, const char* unit, double lo, double hi,
                const char* doc);
 
 Json to_json(const Param& param);
-Param param_from_json(const Json& json);
+Param param_from_json(const JsonValue& json);  // throws Error(bad_input)
 
 // A value as written on a command line ("5mm", "true", "{liver: 1}"), read as YAML into JSON.
 // Texts that are not numbers, booleans, null, lists or maps stay texts; so does what stands in

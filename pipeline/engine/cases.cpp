@@ -44,12 +44,14 @@ class CaseReader {
   }
 
   void check_name(const std::string& name, const std::string& where) const {
-    if (!name.empty() && name == folder_name(name)) return;
+    const bool plain = !name.empty() && name == folder_name(name);
+    if (plain && std::string("-+=").find(name[0]) == std::string::npos) return;
     throw Error(ExitCode::bad_config,
                 {.where = where,
                  .field = "cases",
-                 .found = "'" + name + "'",
-                 .allowed = "a name that can name a folder: letters, digits, _ - . + ="});
+                 .found = "'" + name.substr(0, max_case_name) + "'",
+                 .allowed = "a name that can name a folder: letters, digits, _ - . + =; none of "
+                            "- . + = at its beginning"});
   }
 
   // `cases: FILE.csv`, beside the spec or below: a spec that somebody sends reads nothing else.
@@ -157,6 +159,15 @@ class CaseReader {
   void check_names(const std::vector<Case>& all) const {
     std::map<std::string, const Case*> known;
     for (const auto& one : all) {
+      if (one.name.size() > max_case_name) {
+        throw Error(ExitCode::bad_config,
+                    {.where = one.where,
+                     .field = "cases",
+                     .found = fmt::format("'{}…', a name of {} bytes", one.name.substr(0, 40),
+                                          one.name.size()),
+                     .allowed = fmt::format("at most {} bytes", max_case_name),
+                     .remedy = "name the cases shorter, or sweep fewer values at once"});
+      }
       if (known.emplace(one.name, &one).second) continue;
       throw Error(ExitCode::bad_config, {.where = one.where,
                                          .field = "cases",

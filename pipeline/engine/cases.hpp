@@ -24,6 +24,7 @@
 namespace viscera {
 
 inline constexpr std::size_t max_cases = 10000;
+inline constexpr std::size_t max_case_name = 200;  // bytes: it names a folder
 
 struct CaseSetting {
   std::string name;  // VARIABLE or STAGE.PARAM
@@ -40,8 +41,8 @@ struct Case {
 
 // Of the files that have the last word on `cases:` and `sweep:`, which need not be there; at least
 // one. What the settings name is not checked here. Throws Error(bad_config) with
-// file:line:column for what is no map or list, names that cannot name a folder or come twice, and
-// more than max_cases.
+// file:line:column for what is no map or list, names that cannot name a folder, are too long, come
+// twice or look like a formula to a spreadsheet, and more than max_cases.
 std::vector<Case> read_cases(const SpecFile& cases, const SpecFile& sweep);
 
 }  // namespace viscera

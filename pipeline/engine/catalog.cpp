@@ -8,7 +8,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "pipeline/engine/process.hpp"
 
 namespace viscera {
@@ -18,20 +18,39 @@ namespace {
 const std::string prefix = "viscera-";
 const std::string window = "live";  // a program beside the stages that is none
 
-StageInfo read_declaration(const std::string& stage, const std::string& text) {
-  const auto fail = [&stage](const std::string& found) {
-    return Error(ExitCode::internal, {.where = prefix + stage + " describe",
-                                      .found = found,
-                                      .allowed = "the stage's declaration as JSON",
-                                      .remedy = "build it again"});
-  };
+Error no_declaration(const fs::path& executable, const std::string& found) {
+  return Error(ExitCode::internal,
+               {.where = executable.string() + " describe",
+                .found = found,
+                .allowed = "the stage's declaration as JSON",
+                .remedy = "run it by hand to see what it does, and build it again"});
+}
+
+StageInfo read_declaration(const std::string& stage, const fs::path& executable,
+                           const std::string& text) {
+  const JsonText declaration(text, executable.string());
+  StageInfo info;
   try {
-    StageInfo info = stage_info_from_json(parse_json(text));
-    if (info.name != stage) throw fail("it calls itself '" + info.name + "'");
-    return info;
-  } catch (const Json::exception& e) {
-    throw fail(e.what());
+    info = stage_info_from_json(declaration.root());
+  } catch (const Error& e) {
+    throw no_declaration(executable, e.problem().field + ": " + e.problem().found);
   }
+  if (info.name == stage) return info;
+  throw no_declaration(executable, "it calls itself '" + info.name + "'");
+}
+
+// What the executable prints, and nothing else, is its declaration.
+std::string ask(const fs::path& executable, std::chrono::milliseconds patience) {
+  const auto end = run_process(
+      {executable.string(), "describe"}, [](std::string_view) { /* not its job */ }, patience);
+  if (end.late) {
+    const std::chrono::duration<double> waited = patience;
+    throw no_declaration(executable, fmt::format("did not end within {:g} s", waited.count()));
+  }
+  if (end.signal != 0) throw no_declaration(executable, fmt::format("signal {}", end.signal));
+  if (end.exit_code != 0)
+    throw no_declaration(executable, fmt::format("exit code {}", end.exit_code));
+  return end.output;
 }
 
 // When the system's packages last changed: a declaration holds the versions of shared libraries,
@@ -58,7 +77,7 @@ std::vector<std::string> Catalog::names() const {
 
 StageProgramFile Catalog::find(const std::string& stage, const std::string& where) {
   const fs::path executable = programs_ / (prefix + stage);
-  if (access(executable.c_str(), X_OK) != 0 || !fs::is_regular_file(executable)) {
+  if (!fs::is_regular_file(executable)) {
     const auto known = names();
     throw Error(ExitCode::bad_config,
                 {.where = where,
@@ -66,6 +85,12 @@ StageProgramFile Catalog::find(const std::string& stage, const std::string& wher
                  .found = "unknown stage '" + stage + "'",
                  .allowed = "a stage with an executable " + executable.string(),
                  .remedy = known.empty() ? "build the stages" : suggest(stage, known)});
+  }
+  if (access(executable.c_str(), X_OK) != 0) {
+    throw Error(ExitCode::usage, {.where = executable.string(),
+                                  .found = "may not be executed",
+                                  .allowed = "a program that you may run",
+                                  .remedy = "chmod +x " + executable.string()});
   }
   const std::string sha256 = store_.digests().digest(executable);
   return {.info = describe(stage, executable, sha256), .executable = executable, .sha256 = sha256};
@@ -77,22 +102,14 @@ StageInfo Catalog::describe(const std::string& stage, const fs::path& executable
       store_.folder() / "describe" / fmt::format("{}-{}-{}.json", stage, sha256, packages_stamp());
   if (fs::exists(kept)) {
     try {
-      return read_declaration(stage, read_file(kept));
+      return read_declaration(stage, executable, read_file(kept));
     } catch (const Error&) {
       // A damaged copy is asked for again.
     }
   }
-  const auto end =
-      run_process({executable.string(), "describe"}, [](std::string_view) { /* not its job */ });
-  if (end.signal != 0 || end.exit_code != 0) {
-    throw Error(ExitCode::internal,
-                {.where = executable.string() + " describe",
-                 .found = end.signal ? "ended by signal " + std::to_string(end.signal)
-                                     : "exit code " + std::to_string(end.exit_code),
-                 .remedy = "build it again"});
-  }
-  const StageInfo info = read_declaration(stage, end.output);
-  if (!store_.read_only()) write_atomically(kept, end.output);
+  const std::string declaration = ask(executable, patience_);
+  const StageInfo info = read_declaration(stage, executable, declaration);
+  if (!store_.read_only()) write_atomically(kept, declaration);
   return info;
 }
 

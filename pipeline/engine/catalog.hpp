@@ -3,6 +3,7 @@
 // the system's packages (dpkg), whose versions a declaration holds.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -20,11 +21,15 @@ struct StageProgramFile {
 
 class Catalog {
  public:
-  Catalog(std::filesystem::path programs, Store& store)
-      : programs_(std::move(programs)), store_(store) {}
+  // A declaration takes milliseconds; `patience` is enough for an executable and its libraries that
+  // come from a slow network.
+  Catalog(std::filesystem::path programs, Store& store,
+          std::chrono::milliseconds patience = std::chrono::minutes(1))
+      : programs_(std::move(programs)), store_(store), patience_(patience) {}
 
   // Throws Error(bad_config) naming `where` when there is no such stage, with the nearest one;
-  // Error(internal) when the executable's declaration cannot be read.
+  // Error(usage) when its file may not be executed; Error(internal) when its declaration cannot be
+  // read, or does not come.
   StageProgramFile find(const std::string& stage, const std::string& where);
 
   std::vector<std::string> names() const;  // of all stages there are, sorted
@@ -35,6 +40,7 @@ class Catalog {
 
   std::filesystem::path programs_;
   Store& store_;
+  std::chrono::milliseconds patience_;
 };
 
 }  // namespace viscera

@@ -18,9 +18,13 @@ namespace {
 constexpr std::int64_t second_ns = 1'000'000'000;
 constexpr std::ptrdiff_t digest_digits = 64;
 
+std::int64_t nanoseconds(const timespec& time) {
+  return time.tv_sec * second_ns + time.tv_nsec;
+}
+
 }  // namespace
 
-// "SHA256 SIZE INODE MTIME PATH" lines; what is no such line is ignored.
+// "SHA256 SIZE INODE MTIME CTIME PATH" lines; what is no such line is ignored.
 DigestCache::DigestCache(fs::path file) : file_(std::move(file)) {
   if (!fs::exists(file_)) return;
   const std::string text = read_file(file_);
@@ -35,7 +39,7 @@ DigestCache::DigestCache(fs::path file) : file_(std::move(file)) {
       rest = after;
       return failure == std::errc{} && after < next && *after == ' ';
     };
-    if (read(known.size) && read(known.inode) && read(known.mtime_ns)) {
+    if (read(known.size) && read(known.inode) && read(known.mtime_ns) && read(known.ctime_ns)) {
       known_.insert_or_assign(known_.end(), std::string(rest + 1, next), std::move(known));
     }
   }
@@ -46,7 +50,8 @@ std::optional<DigestCache::Known> DigestCache::look_at(const fs::path& path) {
   if (stat(path.c_str(), &info) != 0) return std::nullopt;
   return Known{.size = static_cast<std::uintmax_t>(info.st_size),
                .inode = info.st_ino,
-               .mtime_ns = info.st_mtim.tv_sec * second_ns + info.st_mtim.tv_nsec,
+               .mtime_ns = nanoseconds(info.st_mtim),
+               .ctime_ns = nanoseconds(info.st_ctim),
                .sha256 = ""};
 }
 
@@ -58,7 +63,7 @@ std::string DigestCache::digest(const fs::path& path) {
   const std::string sha256 = sha256_file(path);
   const auto clock = std::chrono::system_clock::now().time_since_epoch();
   const bool settled =
-      now && now->mtime_ns < std::chrono::duration_cast<std::chrono::nanoseconds>(clock).count() -
+      now && now->ctime_ns < std::chrono::duration_cast<std::chrono::nanoseconds>(clock).count() -
                                  2 * second_ns;
   if (settled) {
     now->sha256 = sha256;
@@ -78,6 +83,17 @@ void DigestCache::remember(const fs::path& path, const std::string& sha256) {
   changed_ = true;
 }
 
+void DigestCache::keep_over(const fs::path& path, const std::function<void()>& change) {
+  const auto known = known_.find(fs::absolute(path).lexically_normal().string());
+  const auto before = look_at(path);
+  const bool trusted = known != known_.end() && before && known->second.same_file(*before);
+  change();
+  const auto after = look_at(path);
+  if (!trusted || !after || !after->same_content(*before)) return;
+  known->second.ctime_ns = after->ctime_ns;
+  changed_ = true;
+}
+
 std::string DigestCache::input_digest(const fs::path& path) {
   return viscera::input_digest(path, [this](const fs::path& file) { return digest(file); }).sha256;
 }
@@ -93,8 +109,8 @@ void DigestCache::save() {
   for (const auto& [path, known] : known_) {
     const auto now = look_at(path);
     if (!now || !known.same_file(*now) || path.find('\n') != std::string::npos) continue;
-    text += fmt::format("{} {} {} {} {}\n", known.sha256, known.size, known.inode, known.mtime_ns,
-                        path);
+    text += fmt::format("{} {} {} {} {} {}\n", known.sha256, known.size, known.inode,
+                        known.mtime_ns, known.ctime_ns, path);
   }
   write_atomically(file_, text);
   changed_ = false;

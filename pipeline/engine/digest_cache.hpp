@@ -1,10 +1,13 @@
-// SHA-256 of files, remembered by path, size, modification time (ns) and inode, so that a file that
-// nobody touched is not read again. A file changed in the two seconds before it was hashed is not
-// remembered: it could change again within the clock's grain.
+// SHA-256 of files, remembered by path, size, inode, and the times (ns) of the last change of its
+// content (mtime) and of its inode (ctime), so that a file that nobody touched is not read again.
+// Whoever changes a file can put its mtime back, but not its ctime. A ctime also changes when a
+// link to the file is made or removed: such a file is read once more. A file changed in the two
+// seconds before it was hashed is not remembered: it could change again within the clock's grain.
 #pragma once
 
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -22,6 +25,10 @@ class DigestCache {
   // For a file that we have just made and hashed ourselves.
   void remember(const std::filesystem::path& path, const std::string& sha256);
 
+  // Makes a change of our own that leaves the file's content as it is, a link to it for example:
+  // what is remembered of the file stays.
+  void keep_over(const std::filesystem::path& path, const std::function<void()>& change);
+
   // As input_digest.hpp defines it, of remembered files.
   std::string input_digest(const std::filesystem::path& path);
 
@@ -35,10 +42,13 @@ class DigestCache {
  private:
   struct Known {
     std::uintmax_t size = 0, inode = 0;
-    std::int64_t mtime_ns = 0;
+    std::int64_t mtime_ns = 0, ctime_ns = 0;
     std::string sha256;
-    bool same_file(const Known& other) const {
+    bool same_content(const Known& other) const {
       return size == other.size && inode == other.inode && mtime_ns == other.mtime_ns;
+    }
+    bool same_file(const Known& other) const {
+      return same_content(other) && ctime_ns == other.ctime_ns;
     }
   };
   static std::optional<Known> look_at(const std::filesystem::path& path);

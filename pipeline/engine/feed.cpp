@@ -76,7 +76,7 @@ std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const 
   for (const auto& param : stage.program.info.params) {
     const Json& value = stage.params.at(param.name);
     const bool has_unit = value.is_number() && param.unit != "1";
-    if (threads > 0 && param.name == "threads" && !param.in_key && value == 0) {
+    if (threads > 0 && is_thread_count(param) && value == 0) {
       add("--set", param.name, std::to_string(threads));
     } else if (!value.is_null()) {
       add("--set", param.name, value.dump() + (has_unit ? param.unit : ""));

@@ -27,9 +27,6 @@ void name_cases(Plan& plan, std::size_t i, const Entries& entries);
 // Producers of stage `i` that have made nothing yet, in words; empty when there are none.
 std::string missing_producers(const Plan& plan, std::size_t i, const Entries& entries);
 
-// Below the run's folder, what the engine says to stages with runs_role.
-inline constexpr const char* engine_file = "runs.json";
-
 // The command line of stage `i`, which reads what earlier stages laid out
 // below `out`. `threads`: of each stage that takes all when it is not told; 0: all.
 std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const Entries& entries,

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "pipeline/contract/error.hpp"
+#include "pipeline/engine/run_record.hpp"
 
 namespace viscera {
 namespace {
@@ -205,6 +206,26 @@ void add_to_plan(Plan& plan, const std::vector<Candidate>& stages, const MadeByR
   }
 }
 
+// The folders of cases stand in the run's folder, beside what the run itself puts there.
+void check_case_folders(const Spec& spec, const Plan& plan) {
+  std::vector<std::string> taken = {engine_file, run_record_name};
+  for (const auto& stage : plan) {
+    if (stage.gathers) taken.push_back(stage.name());
+  }
+  if (!plan.empty() && plan.back().gathers) {
+    for (const auto& output : plan.back().program.info.outputs) taken.push_back(output.file);
+  }
+  for (const auto& one : spec.cases) {
+    if (!std::count(taken.begin(), taken.end(), one.name)) continue;
+    throw Error(ExitCode::bad_config,
+                {.where = one.where,
+                 .field = "cases",
+                 .found = "'" + one.name + "', which the run itself puts into its folder",
+                 .allowed = fmt::format("a name other than {}", fmt::join(taken, ", ")),
+                 .remedy = "give the case another name"});
+  }
+}
+
 MadeByRole made_by(const Plan& plan) {
   MadeByRole made;
   for (std::size_t i = 0; i < plan.size(); ++i) {
@@ -278,6 +299,7 @@ Plan make_plan(const Spec& spec, Catalog& catalog, std::vector<RefusedCase>* ref
     }
   }
   if (!spec.gather.empty()) add_to_plan(plan, candidates(spec.gather), made_by(plan), "", true);
+  check_case_folders(spec, plan);
   return plan;
 }
 

@@ -23,8 +23,10 @@ struct PlannedInput {
   std::string engine_text;                   // once their stages have ended
 };
 
-// A gathering stage that declares this role reads what became of every case (case_report.hpp).
+// A gathering stage that declares this role reads what became of every case (case_report.hpp),
+// which the engine writes to this file in the run's folder.
 inline constexpr const char* runs_role = "runs";
+inline constexpr const char* engine_file = "runs.json";
 
 struct PlannedStage {
   StageProgramFile program;
@@ -43,8 +45,9 @@ struct PlannedStage {
 using Plan = std::vector<PlannedStage>;
 
 // Throws Error(bad_config) with the spec's file:line:column for unknown stages, params and roles,
-// values out of range, missing roles, two writers of one role, and cycles. With `refused` a case's
-// own errors go there and its stages are left out; thrown is then what all cases have.
+// values out of range, missing roles, two writers of one role, cycles, and cases whose folders
+// would bear the name of what the run itself puts beside them. With `refused` a case's own errors
+// go there and its stages are left out; thrown is then what all cases have.
 Plan make_plan(const Spec& spec, Catalog& catalog, std::vector<RefusedCase>* refused = nullptr);
 
 // Where a run lays out what it made: OUT/NAME, of a case OUT/NAME/CASE.

@@ -6,7 +6,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "pipeline/contract/manifest.hpp"
 #include "pipeline/engine/inspect.hpp"
 
@@ -16,10 +16,11 @@ namespace {
 
 std::optional<Manifest> manifest_in(const fs::path& folder) {
   if (!fs::is_regular_file(folder / "manifest.json")) return std::nullopt;
+  const JsonText manifest = read_json(folder / "manifest.json");
   try {
-    return manifest_from_json(parse_json(read_file(folder / "manifest.json")));
-  } catch (const Json::exception&) {
-    return std::nullopt;
+    return manifest_from_json(manifest.root());
+  } catch (const Error&) {
+    return std::nullopt;  // somebody else's file
   }
 }
 

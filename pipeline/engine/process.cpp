@@ -234,9 +234,14 @@ void listen_to(const std::vector<Process*>& processes, std::chrono::milliseconds
   }
 }
 
-ProcessEnd run_process(const std::vector<std::string>& arguments, const LineReader& on_line) {
+ProcessEnd run_process(const std::vector<std::string>& arguments, const LineReader& on_line,
+                       std::chrono::milliseconds at_most) {
+  const auto deadline = std::chrono::steady_clock::now() + at_most;
   Process process(arguments, on_line);
-  while (!process.ended()) listen_to({&process}, std::chrono::milliseconds(100));
+  while (!process.ended()) {
+    if (std::chrono::steady_clock::now() > deadline) return {.late = true};
+    listen_to({&process}, std::chrono::milliseconds(100));
+  }
   return process.end();
 }
 

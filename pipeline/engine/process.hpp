@@ -17,6 +17,7 @@ struct ProcessEnd {
   int exit_code = 0;   // meaningful when signal is 0
   int signal = 0;      // the signal that ended it
   std::string output;  // stdout, at most 4 MiB of it
+  bool late = false;   // it was stopped by run_process: nothing of the above is known
 };
 
 // Receives each line of stderr; lines longer than 64 KiB arrive in pieces.
@@ -61,7 +62,8 @@ class Process {
 // Error(interrupted) on SIGINT or SIGTERM.
 void listen_to(const std::vector<Process*>& processes, std::chrono::milliseconds at_most);
 
-// One program from start to end.
-ProcessEnd run_process(const std::vector<std::string>& arguments, const LineReader& on_line);
+// One program from start to end; stopped when it has not ended after `at_most`.
+ProcessEnd run_process(const std::vector<std::string>& arguments, const LineReader& on_line,
+                       std::chrono::milliseconds at_most = std::chrono::hours(24));
 
 }  // namespace viscera

@@ -1,8 +1,7 @@
 #include "pipeline/engine/run_record.hpp"
 
 #include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/json_text.hpp"
-#include "pipeline/contract/param.hpp"
+#include "pipeline/contract/json_value.hpp"
 
 namespace viscera {
 namespace {
@@ -17,17 +16,19 @@ auto value_or_null(const Map& map, const std::string& key) {
 
 RunRecord::RunRecord(std::filesystem::path file) : file_(std::move(file)) {
   if (!std::filesystem::is_regular_file(file_)) return;
-  const Json json = parse_json(read_file(file_));
+  const JsonText json = read_json(file_);
   try {
-    for (const auto& [stage, record] : json.at("stages").items()) {
-      finished_[stage] = {record.at("key"), record.at("transcript"), record.value("wall_s", 0.0)};
+    for (const auto& [stage, record] : json.root()["stages"].members()) {
+      finished_[stage] = {record["key"].text(), record["transcript"].text(),
+                          record["wall_s"].number()};
     }
-    const Json failures = json.value("failures", Json::object());
-    for (const auto& [stage, record] : failures.items()) {
-      failures_[stage] = {static_cast<ExitCode>(record.at("exit").get<int>()),
-                          record.at("message")};
+    if (const auto failures = json.root().find("failures")) {
+      for (const auto& [stage, record] : failures->members()) {
+        failures_[stage] = {static_cast<ExitCode>(record["exit"].whole<int>()),
+                            record["message"].text()};
+      }
     }
-  } catch (const Json::exception&) {
+  } catch (const Error&) {  // a damaged record is as good as none
     finished_.clear();
     failures_.clear();
   }

@@ -40,7 +40,6 @@ class SpecReader {
     variables_ = of_the_spec;
     for (const auto& text : request.sets) variables_.assign(text);
     spec.gather = stages_of("gather");
-    check_folders(cases, spec);
     for (const auto& text : request.sets) apply_param(text, spec);
     if (!request.only_cases.empty()) spec.gather.clear();
     return spec;
@@ -76,7 +75,7 @@ class SpecReader {
   SpecCase read_case(const Case& one, const std::vector<std::string>& overrides) {
     for (const auto& setting : one.settings) variables_.assign(setting);
     for (const auto& text : overrides) variables_.assign(text);
-    SpecCase made{one.name, stages_of("stages"), settings_of(one)};
+    SpecCase made{one.name, one.where, stages_of("stages"), settings_of(one)};
     if (made.stages.empty()) {
       throw spec_error(path_, files_.back().root, "stages", "missing",
                        "stages: with one key per stage");
@@ -180,18 +179,6 @@ class SpecReader {
     if (found > 0 || spec.cases.empty()) return;
     throw no_such_stage(name, "command line", "--set " + name, spec.cases.front().stages,
                         spec.gather);
-  }
-
-  // A case's folder stands beside those of the gathering stages.
-  void check_folders(const SpecFile& cases, const Spec& spec) const {
-    for (const auto& stage : spec.gather) {
-      for (const auto& one : spec.cases) {
-        if (one.name != stage.name) continue;
-        throw spec_error(
-            cases.path, cases.root["cases"], "cases",
-            "'" + one.name + "' is also a stage under gather:", "another name for the case");
-      }
-    }
   }
 
   const fs::path& path_;

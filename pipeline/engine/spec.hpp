@@ -47,6 +47,7 @@ struct SpecStage {
 
 struct SpecCase {
   std::string name;                             // empty: the only one of a spec without cases
+  std::string where;                            // file:line:column
   std::vector<SpecStage> stages;                // in the order written
   std::map<std::string, std::string> settings;  // what makes it this case, as written
 };

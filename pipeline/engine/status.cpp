@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "pipeline/contract/log.hpp"
 
 namespace viscera {
@@ -41,24 +42,23 @@ std::string gates_text(const StatusRow& row) {
 std::string show_stage_line(const std::string& stage, std::string_view line,
                             const std::function<std::string()>& progress_note) {
   log::set_name(stage);
-  const Json json = parse_json(line);
+  const JsonText json(line, stage);
   std::string error;
   try {
-    if (json.is_object() && json.contains("progress")) {
-      const std::string detail = json.at("detail").get<std::string>(), note = progress_note();
-      log::progress(without_controls(json.at("task").get<std::string>()),
-                    json.at("progress").get<double>(),
+    const JsonValue said = json.root();
+    if (const auto progress = said.find("progress")) {
+      const std::string detail = said["detail"].text(), note = progress_note();
+      log::progress(without_controls(said["task"].text()), progress->number(),
                     without_controls(detail) + (detail.empty() || note.empty() ? "" : "; ") + note);
-    } else if (json.is_object()) {
-      const auto level = level_of(json.at("level"));
-      const std::string message = without_controls(json.at("message").get<std::string>());
+    } else {
+      const auto level = level_of(said["level"].text());
+      const std::string message = without_controls(said["message"].text());
       if (level == log::Level::error) error = message;
       log::write(level, message);
-    } else {
-      log::write(log::Level::info, without_controls(line));
     }
-  } catch (const Json::exception&) {
-    log::write(log::Level::info, without_controls(line));
+  } catch (const Error& e) {
+    if (e.code() == ExitCode::interrupted) throw;          // noticed while the progress was shown
+    log::write(log::Level::info, without_controls(line));  // a line of another kind
   }
   log::set_name("viscera");
   return error;

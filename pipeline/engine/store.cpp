@@ -10,7 +10,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/json_value.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
@@ -95,20 +95,21 @@ Lookup Store::find(const std::string& key) {
 
 Lookup Store::read_entry(const std::string& key) const {
   if (!fs::exists(entry_file(key))) return {};
-  const Json json = parse_json(read_file(entry_file(key)));
+  const JsonText json = read_json(entry_file(key));
   try {
+    const JsonValue root = json.root();
     Entry entry{.key = key,
-                .transcript = json.at("transcript"),
-                .manifest_json = json.at("manifest"),
-                .manifest = manifest_from_json(json.at("manifest"))};
-    const bool sealed = json.at("seal") == seal(entry.transcript, entry.manifest_json);
-    if (json.at("schema") != entry_schema || sha256(entry.transcript) != key || !sealed) {
-      return {.damage = "the cache entry is damaged"};
+                .transcript = root["transcript"].text(),
+                .manifest_json = root["manifest"].raw(),
+                .manifest = manifest_from_json(root["manifest"])};
+    const bool sealed = root["seal"].text() == seal(entry.transcript, entry.manifest_json);
+    if (root["schema"].raw() == entry_schema && sha256(entry.transcript) == key && sealed) {
+      return {.entry = std::move(entry)};
     }
-    return {.entry = std::move(entry)};
-  } catch (const Json::exception&) {
-    return {.damage = "the cache entry is damaged"};
+  } catch (const Error&) {
+    // Said below.
   }
+  return {.damage = "the cache entry is damaged"};
 }
 
 std::string Store::damage_of(const Manifest& manifest) {
@@ -129,11 +130,12 @@ Entry Store::publish(const std::string& key, const std::string& transcript, cons
   const fs::path manifest_file = work / "manifest.json";
   if (!fs::exists(manifest_file)) throw unsound(work.string(), "the stage left no manifest.json");
   Entry entry{.key = key, .transcript = transcript};
-  entry.manifest_json = parse_json(read_file(manifest_file));
+  const JsonText manifest = read_json(manifest_file);
   try {
-    entry.manifest = manifest_from_json(entry.manifest_json);
-  } catch (const Json::exception& e) {
-    throw unsound(manifest_file.string(), e.what());
+    entry.manifest = manifest_from_json(manifest.root());
+    entry.manifest_json = manifest.root().raw();
+  } catch (const Error& e) {
+    throw unsound(manifest_file.string(), e.problem().field + ": " + e.problem().found);
   }
   if (entry.manifest.stage != claim.stage || entry.manifest.exit != claim.exit) {
     throw unsound(
@@ -200,9 +202,11 @@ void Store::place(const FileDigest& output, const fs::path& target) {
   const fs::path partial =
       target.parent_path() / fmt::format(".{}.{}", target.filename().string(), getpid());
   fs::remove(partial, failure);
-  fs::create_hard_link(stored, partial, failure);
-  if (failure) fs::copy_file(stored, partial);  // another file system, or one without links
-  fs::rename(partial, target);
+  digests_.keep_over(stored, [&] {
+    fs::create_hard_link(stored, partial, failure);
+    if (failure) fs::copy_file(stored, partial);  // another file system, or one without links
+    fs::rename(partial, target);
+  });
 }
 
 std::unique_ptr<FileLock> Store::lock(const std::string& key, const std::string& purpose,

@@ -17,6 +17,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
+#include "stages/common/label_name.hpp"
 #include "stages/common/stored_segments.hpp"
 
 namespace viscera {
@@ -264,8 +265,11 @@ ReadImage read_image(const fs::path& path) {
   }
   ReadImage result{.image = {.frame = volume.frame, .voxels = std::move(volume.layers.front())},
                    .notes = volume.notes};
-  for (const auto& segment : stored_segments(volume.header))
+  for (const auto& segment : stored_segments(volume.header)) {
+    check_label_name(segment.name, ExitCode::bad_input, path.string(),
+                     fmt::format("name of {}", segment.value));
     result.image.names[segment.value] = segment.name;
+  }
   return result;
 }
 

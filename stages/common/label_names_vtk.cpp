@@ -5,6 +5,8 @@
 #include <vtkNew.h>
 #include <vtkStringArray.h>
 
+#include "stages/common/label_name.hpp"
+
 namespace viscera {
 
 void label_names_to(vtkFieldData& data, const std::map<int, std::string>& names) {
@@ -20,7 +22,7 @@ void label_names_to(vtkFieldData& data, const std::map<int, std::string>& names)
   data.AddArray(texts);
 }
 
-std::map<int, std::string> label_names_from(vtkFieldData& data) {
+std::map<int, std::string> label_names_from(const std::filesystem::path& path, vtkFieldData& data) {
   std::map<int, std::string> names;
   auto* ids = data.GetArray("label_ids");
   auto* texts = vtkStringArray::SafeDownCast(data.GetAbstractArray("label_names"));
@@ -28,8 +30,11 @@ std::map<int, std::string> label_names_from(vtkFieldData& data) {
       ids->GetNumberOfTuples() != texts->GetNumberOfValues()) {
     return names;
   }
-  for (vtkIdType i = 0; i < ids->GetNumberOfTuples(); ++i)
-    names[static_cast<int>(ids->GetComponent(i, 0))] = texts->GetValue(i);
+  for (vtkIdType i = 0; i < ids->GetNumberOfTuples(); ++i) {
+    const std::string& name = texts->GetValue(i);
+    check_label_name(name, ExitCode::bad_input, path.string(), "FieldData/label_names");
+    names[static_cast<int>(ids->GetComponent(i, 0))] = name;
+  }
   return names;
 }
 

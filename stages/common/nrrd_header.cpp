@@ -46,6 +46,17 @@ Encoding encoding(const HeaderChecks& checks, const std::string& text) {
   checks.refuse("encoding", fmt::format("'{}'", text), "raw, gzip, ascii or hex");
 }
 
+// Key/value pairs have a backslash as \\ and the end of a line as \n, with a letter n.
+std::string unescaped(const std::string& text) {
+  std::string plain;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char next = text[i] == '\\' && i + 1 < text.size() ? text[i + 1] : '\0';
+    if (next == '\\' || next == 'n') ++i;
+    plain += next == 'n' ? '\n' : text[i];
+  }
+  return plain;
+}
+
 TextHeader read_lines(const HeaderChecks& checks) {
   HeaderLines lines(checks, 1 << 20);  // Slicer keeps whole tables in one line
   TextHeader header;
@@ -56,7 +67,7 @@ TextHeader read_lines(const HeaderChecks& checks) {
     if (line->starts_with('#')) continue;
     const auto pair = line->find(":="), mark = line->find(": ");
     if (pair < mark) {
-      header.pairs[line->substr(0, pair)] = trimmed(line->substr(pair + 2));
+      header.pairs[unescaped(line->substr(0, pair))] = unescaped(trimmed(line->substr(pair + 2)));
       continue;
     }
     if (mark == std::string::npos)

@@ -10,6 +10,7 @@
 #include <iostream>
 #include <new>
 #include <sstream>
+#include <thread>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
@@ -117,6 +118,18 @@ std::multimap<std::string, fs::path> read_inputs(const StageInfo& info,
   return inputs;
 }
 
+// Threads beyond the machine's cores only wait for one another: 1024 of them take minutes for what
+// two do in a second. Results do not depend on their number.
+void limit_threads(const StageInfo& info, Json& params) {
+  const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
+  for (const auto& param : info.params) {
+    if (!is_thread_count(param) || params[param.name] <= cores) continue;
+    log::warn("{}: {} were asked for, {} are used: this machine has {} cores", param.name,
+              params[param.name].dump(), cores, cores);
+    params[param.name] = cores;
+  }
+}
+
 Json read_params(const StageInfo& info, const std::vector<std::string>& set) {
   Json given = Json::object();
   for (const auto& text : set) {
@@ -129,7 +142,9 @@ Json read_params(const StageInfo& info, const std::vector<std::string>& set) {
     }
     given[name] = value_from_text(value);
   }
-  return resolve(info.params, given, "command line");
+  Json params = resolve(info.params, given, "command line");
+  limit_threads(info, params);
+  return params;
 }
 
 double cpu_seconds() {

@@ -90,7 +90,7 @@ SurfaceMesh read_vtp(const std::filesystem::path& path) {
     }
   }
   read_triangles(path, data, surface);
-  const auto names = label_names_from(*data.GetFieldData());
+  const auto names = label_names_from(path, *data.GetFieldData());
   for (const int label : surface.labels) {
     const auto named = names.find(label);
     surface.label_names.emplace(

@@ -55,6 +55,12 @@ void read_points(const std::filesystem::path& path, vtkUnstructuredGrid& grid, T
   }
 }
 
+// Whether a cell is a face, an edge or a point; VTK makes none of a type that it does not know.
+bool is_without_volume(vtkUnstructuredGrid& grid, vtkIdType c) {
+  vtkCell* cell = grid.GetCell(c);
+  return cell != nullptr && cell->GetCellDimension() < 3;
+}
+
 // Cells without volume are passed over in a mesh made elsewhere; other cells are never understood.
 void read_tets(const std::filesystem::path& path, vtkUnstructuredGrid& grid, bool foreign,
                TetMesh& mesh, std::vector<vtkIdType>& cells) {
@@ -64,7 +70,7 @@ void read_tets(const std::filesystem::path& path, vtkUnstructuredGrid& grid, boo
   for (vtkIdType c = 0; c < count; ++c) {
     if (grid.GetCellType(c) == VTK_TETRA) {
       cells.push_back(c);
-    } else if (!foreign || grid.GetCell(c)->GetCellDimension() > 2) {
+    } else if (!foreign || !is_without_volume(grid, c)) {
       if (others++ == 0) first_other = c;
     }
   }
@@ -150,7 +156,7 @@ void read_labels(const std::filesystem::path& path, vtkUnstructuredGrid& grid, b
     }
     mesh.labels.push_back(static_cast<int>(value));
   }
-  const auto names = label_names_from(*grid.GetFieldData());
+  const auto names = label_names_from(path, *grid.GetFieldData());
   for (const int label : std::set<int>(mesh.labels.begin(), mesh.labels.end())) {
     const auto named = names.find(label);
     mesh.label_names[label] = named == names.end() ? fmt::format("label_{}", label) : named->second;

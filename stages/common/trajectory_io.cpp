@@ -11,6 +11,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "stages/common/hdf5_file.hpp"
+#include "stages/common/label_name.hpp"
 #include "stages/common/trial_read.hpp"
 
 namespace viscera {
@@ -229,7 +230,9 @@ std::map<int, std::string> read_label_names(const Handle& file, const fs::path& 
   std::map<int, std::string> names;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     const char* begin = bytes.data() + i * size;
-    names[ids[i]] = std::string(begin, strnlen(begin, size));
+    std::string& name = names[ids[i]];
+    name.assign(begin, strnlen(begin, size));
+    check_label_name(name, ExitCode::bad_input, path.string(), "/label_names");
   }
   return names;
 }

@@ -15,6 +15,7 @@
 #include "pipeline/contract/log.hpp"
 #include "stages/common/image_io.hpp"
 #include "stages/common/label_components.hpp"
+#include "stages/common/label_name.hpp"
 #include "stages/labels/border.hpp"
 #include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"
@@ -78,6 +79,7 @@ Wanted parse_wanted(const Json& given) {
   Wanted wanted;
   std::map<Json, std::string> taken;
   for (const auto& [name, value] : given.items()) {
+    check_label_name(name, ExitCode::bad_config, "parameters", "labels");
     const Json parts = value.is_array() ? value : Json::array({value});
     for (const auto& part : parts) {
       const bool id = part.is_number_integer() && part >= 1 && part <= 65535;
@@ -105,8 +107,11 @@ std::string list_segments(const Segmentation& segmentation) {
 std::vector<Material> materials_for(const StageRun& run, const Segmentation& segmentation) {
   std::vector<Material> materials;
   if (!run.has_param("labels")) {
-    for (const auto& segment : segmentation.segments)
+    for (const auto& segment : segmentation.segments) {
+      check_label_name(segment.name, ExitCode::bad_input, run.input("volume").string(),
+                       fmt::format("name of {}", segment.id));
       materials.push_back({segment.name, {segment.id}});
+    }
     return materials;
   }
   std::map<int, std::string> taken;

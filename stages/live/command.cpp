@@ -1,7 +1,5 @@
 #include "stages/live/command.hpp"
 
-#include "pipeline/contract/error.hpp"
-
 namespace viscera::live {
 namespace {
 
@@ -9,9 +7,10 @@ Json to_list(const Point& p) {
   return {p.x, p.y, p.z};
 }
 
-Point point_from(const Json& json) {
-  const auto numbers = json.get<std::array<double, 3>>();
-  return {numbers[0], numbers[1], numbers[2]};
+Point point_from(const JsonValue& json) {
+  const auto items = json.items();
+  if (items.size() != 3) throw json.refused("three numbers, mm");
+  return {items[0].number(), items[1].number(), items[2].number()};
 }
 
 struct ToJson {
@@ -31,26 +30,18 @@ Json to_json(const Command& command) {
   return std::visit(ToJson{}, command);
 }
 
-Command command_from_json(const Json& json, const std::string& where) {
-  try {
-    if (json.contains("grab")) return Grab{json["grab"].get<int>()};
-    if (json.contains("drag")) return Drag{point_from(json["drag"])};
-    if (json.contains("release")) return Release{};
-    if (json.contains("tool")) return MoveTool{point_from(json["tool"])};
-    if (json.contains("lift")) return LiftTool{};
-    if (json.contains("change") && json["change"].is_object()) return Change{json["change"]};
-    if (json.contains("drop")) return Drop{};
-    if (json.contains("reset")) return Reset{};
-  } catch (const Json::exception&) {
-    // Said below.
-  }
-  throw Error(ExitCode::bad_input,
-              {.where = where,
-               .field = "command",
-               .found = json.dump(),
-               .allowed = "grab: VERTEX, drag: [x, y, z] mm, release, tool: [x, y, z] mm, lift, "
-                          "change: {NAME: VALUE}, drop or reset",
-               .remedy = "take a file that viscera-live wrote (--log-input)"});
+Command command_from_json(const JsonValue& json) {
+  if (const auto vertex = json.find("grab")) return Grab{vertex->whole<int>()};
+  if (const auto by = json.find("drag")) return Drag{point_from(*by)};
+  if (json.find("release")) return Release{};
+  if (const auto to = json.find("tool")) return MoveTool{point_from(*to)};
+  if (json.find("lift")) return LiftTool{};
+  if (const auto values = json.find("change")) return Change{values->object()};
+  if (json.find("drop")) return Drop{};
+  if (json.find("reset")) return Reset{};
+  throw json.refused(
+      "a command that viscera-live wrote (--log-input): grab: VERTEX, drag: [x, y, z] mm, release, "
+      "tool: [x, y, z] mm, lift, change: {NAME: VALUE}, drop or reset");
 }
 
 }  // namespace viscera::live

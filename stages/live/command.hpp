@@ -14,7 +14,7 @@
 
 #include <variant>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "sim/math.hpp"
 
 namespace viscera::live {
@@ -42,7 +42,7 @@ using Command = std::variant<Grab, Drag, Release, MoveTool, LiftTool, Change, Dr
 
 Json to_json(const Command& command);
 
-// Throws Error(bad_input) that names `where`.
-Command command_from_json(const Json& json, const std::string& where);
+// Throws Error(bad_input).
+Command command_from_json(const JsonValue& json);
 
 }  // namespace viscera::live

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera::live {
@@ -17,20 +17,13 @@ Json header_of(const World& world) {
           {"vertices", world.body().vertex_count()}};
 }
 
-Json parse(const std::string& line, const std::string& where) {
-  const Json json = parse_json(line);
-  if (json.is_object()) return json;
-  throw Error(ExitCode::bad_input, {.where = where,
-                                    .found = "not a JSON object",
-                                    .allowed = "input that viscera-live recorded (--log-input)"});
-}
-
 void check_header(const std::string& line, const World& world, const std::string& where) {
-  const Json found = parse(line, where), needed = header_of(world);
-  if (found == needed) return;
+  const JsonText found(line, where);
+  const Json needed = header_of(world);
+  if (found.root().object() == needed) return;
   throw Error(ExitCode::bad_input, {.where = where,
                                     .field = "header",
-                                    .found = found.dump(),
+                                    .found = found.root().raw().dump(),
                                     .allowed = needed.dump() + ", as the mesh has it",
                                     .remedy = "replay it on the mesh that it was recorded on"});
 }
@@ -67,16 +60,13 @@ Replay::Replay(const std::filesystem::path& path, const World& world) {
   check_header(line, world, where(1));
   std::uint64_t last = 0;
   for (int number = 2; std::getline(file, line); ++number) {
-    const Json json = parse(line, where(number));
-    const Json frame = json.value("frame", Json());
-    if (!frame.is_number_unsigned() || frame.get<std::uint64_t>() < last) {
-      throw Error(ExitCode::bad_input, {.where = where(number),
-                                        .field = "frame",
-                                        .found = frame.dump(),
-                                        .allowed = fmt::format("a number from {} on", last)});
+    const JsonText json(line, where(number));
+    const JsonValue root = json.root(), frame = root["frame"];
+    if (frame.whole<std::uint64_t>() < last) {
+      throw frame.refused(fmt::format("a number from {} on", last));
     }
-    last = frame.get<std::uint64_t>();
-    left_.emplace_back(last, command_from_json(json, where(number)));
+    last = frame.whole<std::uint64_t>();
+    left_.emplace_back(last, command_from_json(root));
   }
 }
 

@@ -91,8 +91,9 @@ void make_report(StageRun& run) {
     for (const auto& stage : report["stages"]) {
       if (stage["stage"] == "simulate") simulate = stage;
     }
-    ViewerData viewer = viewer_data(trajectory, run.param<std::size_t>("max_frames"), path.string(),
-                                    tissue_of(report["scene"], simulate));
+    ViewerData viewer =
+        viewer_data(trajectory, run.param<std::size_t>("max_frames"), path.string(),
+                    tissue_of(report["scene"], path.parent_path() / "scene.json", simulate));
     report["viewer"] = std::move(viewer.meta);
     geometry = std::move(viewer.packed);
     const std::string gltf = gltf_binary(trajectory, run.param<std::size_t>("gltf_frames"));
@@ -120,18 +121,7 @@ void make_report(StageRun& run) {
 }  // namespace
 
 Stage report_stage() {
-  const auto run = [](StageRun& it) {
-    try {
-      make_report(it);
-    } catch (const Json::exception& e) {
-      throw Error(ExitCode::bad_input,
-                  {.where = "scene.json, quality.json or labels.json beside the inputs",
-                   .found = std::string("a value of another type: ") + e.what(),
-                   .allowed = "the file as its stage wrote it",
-                   .remedy = "run the stage that wrote it again"});
-    }
-  };
-  return {.info = report_info(), .run = run, .check = check};
+  return {.info = report_info(), .run = make_report, .check = check};
 }
 
 }  // namespace viscera

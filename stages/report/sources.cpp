@@ -11,7 +11,7 @@
 #include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/input_digest.hpp"
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "pipeline/contract/manifest.hpp"
 
 namespace viscera {
@@ -38,28 +38,20 @@ Error damaged(const fs::path& path, const std::string& field, const std::string&
 // The object in a JSON file; null when the file is absent.
 Json read_object(const fs::path& path) {
   if (!fs::exists(path)) return nullptr;
-  Json json = parse_json(read_file(path));
-  if (!json.is_object()) throw damaged(path, "file", "not a JSON object", "a JSON object");
-  return json;
+  return read_json(path).root().object();
 }
 
 Json read_manifest(const fs::path& path) {
   const Json json = read_object(path);
   if (json.is_null()) return json;
-  const int schema =
-      json.contains("schema") && json["schema"].is_number_integer() ? json["schema"].get<int>() : 0;
-  if (schema != manifest_schema) {
-    throw damaged(path, "schema", json.value("schema", Json()).dump(),
-                  fmt::format("{}", manifest_schema));
+  const JsonValue root(json, path.string());
+  if (root["schema"].raw() != manifest_schema) {
+    throw root["schema"].refused(fmt::format("{}", manifest_schema));
   }
-  try {
-    Manifest manifest = manifest_from_json(json);
-    // Where a file lay differs between equal runs; its name and digest do not.
-    for (auto& [role, input] : manifest.inputs) input.path = file_name(input.path);
-    return to_json(manifest);
-  } catch (const nlohmann::json::exception& e) {
-    throw damaged(path, "manifest", e.what(), "a stage's manifest");
-  }
+  Manifest manifest = manifest_from_json(root);
+  // Where a file lay differs between equal runs; its name and digest do not.
+  for (auto& [role, input] : manifest.inputs) input.path = file_name(input.path);
+  return to_json(manifest);
 }
 
 // A manifest speaks about its own outputs only: figures beside another file would be false.

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "pipeline/contract/json_value.hpp"
+
 namespace viscera {
 namespace {
 
@@ -25,22 +27,26 @@ double von_mises(const Mat3<double>& s) {
 
 }  // namespace
 
-Tissue tissue_of(const Json& scene, const Json& simulate) {
-  if (!scene.is_object() || !scene.contains("materials") || !scene.contains("effects")) return {};
-  const Json& effects = scene["effects"];
+Tissue tissue_of(const Json& json, const std::string& where, const Json& simulate) {
+  if (json.is_null()) return {};
+  const JsonValue scene(json, where);
+  const auto materials = scene.find("materials"), effects = scene.find("effects"),
+             schedule = scene.find("schedule");
+  if (!materials || !effects) return {};
   for (const char* other : {"linear", "stvk", "corotational", "distance", "volume"}) {
-    if (effects.contains(other)) return {};
+    if (effects->find(other)) return {};
   }
-  if (!effects.contains("neo_hookean") || scene.contains("corotational_tets")) return {};
-  if (!scene.value("schedule", Json::array()).empty()) return {};
+  if (!effects->find("neo_hookean") || scene.find("corotational_tets")) return {};
+  if (schedule && !schedule->items().empty()) return {};
   if (simulate.is_object()) {
     for (const auto& input : simulate["inputs"]) {
       if (input["role"] == "stiffness") return {};
     }
   }
   Tissue tissue;
-  for (const auto& [name, m] : scene["materials"].items()) {
-    tissue[name] = sim::lame({.youngs_modulus = m.at("E"), .poisson_ratio = m.at("nu")});
+  for (const auto& [name, m] : materials->members()) {
+    tissue[name] =
+        sim::lame({.youngs_modulus = m["E"].number(), .poisson_ratio = m["nu"].number()});
   }
   return tissue;
 }

@@ -16,8 +16,9 @@ using Tissue = std::map<std::string, sim::Lame>;  // by label name
 
 // Of a scene (scene.json). Empty where stresses cannot be told from it: another law than
 // Neo-Hookean (or others beside it on some tets), E measured tet by tet, materials that change on
-// the way. `simulate`: the manifest of the run, null without one.
-Tissue tissue_of(const Json& scene, const Json& simulate);
+// the way. `where`: the scene's file; `simulate`: the manifest of the run. Either JSON may be null.
+// Throws Error(bad_input) for what is no scene.
+Tissue tissue_of(const Json& scene, const std::string& where, const Json& simulate);
 
 class VonMises {
  public:

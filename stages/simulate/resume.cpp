@@ -6,7 +6,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "pipeline/contract/log.hpp"
 #include "stages/simulate/checkpoint.hpp"
 
@@ -24,11 +24,18 @@ Json to_json(const Frame& f) {
           d.rms_speed, d.max_displacement, f.contacts, f.state_hash, f.step_ms};
 }
 
-Frame frame_from(const Json& json) {
+Frame frame_from(const JsonValue& json) {
   Frame f;
   auto& d = f.now;
   std::size_t i = 0;
-  const auto read = [&](auto& value) { json.at(i++).get_to(value); };
+  const auto read = [&]<class Value>(Value& value) {
+    const JsonValue one = json[i++];
+    if constexpr (std::integral<Value>) {
+      value = one.whole<Value>();
+    } else {
+      value = one.number();
+    }
+  };
   read(f.index), read(f.time_s), read(d.kinetic), read(d.elastic), read(d.gravity), read(d.volume);
   read(d.volume_ratio), read(d.min_j), read(d.inverted), read(d.max_speed), read(d.rms_speed);
   read(d.max_displacement), read(f.contacts), read(f.state_hash), read(f.step_ms);
@@ -47,24 +54,30 @@ fs::path Resume::file(const char* what, std::size_t frames, const char* kind) co
 }
 
 Outcome Resume::read(std::size_t frames) const {
-  const Json course = parse_json(read_file(file("course", frames, "json")));
-  if (course.at("params") != params_) {
+  const JsonText json = read_json(file("course", frames, "json"));
+  const JsonValue course = json.root();
+  if (course["params"].text() != params_) {
     throw Error(ExitCode::bad_input, {.where = folder_.string(), .found = "another run's"});
   }
   Outcome outcome;
-  outcome.contact_time_s = course.at("contact_time");
-  outcome.rested = course.at("rested");
+  outcome.contact_time_s = course["contact_time"].number();
+  outcome.rested = course["rested"].flag();
+  const JsonValue watched = course["watch"];
+  std::size_t w = 0;
   auto& watch = outcome.watch;
-  const Json& watched = course.at("watch");
-  watched.at(0).get_to(watch.least), watched.at(1).get_to(watch.motion);
-  watched.at(2).get_to(watch.work), watched.at(3).get_to(watch.displacement);
-  watched.at(4).get_to(watch.begun);
-  course.at("rest_since").get_to(outcome.rest.since_s);
-  if (const Json& found = course.at("imbalance"); !found.is_null()) {
-    outcome.rest.imbalance = {.residual = found.at(0), .loads = found.at(1)};
+  for (double* value : {&watch.least, &watch.motion, &watch.work, &watch.displacement})
+    *value = watched[w++].number();
+  watch.begun = watched[w].flag();
+  for (std::size_t i = 0; i < outcome.rest.since_s.size(); ++i)
+    outcome.rest.since_s[i] = course["rest_since"][i].number();
+  if (const auto found = course.find("imbalance")) {
+    const JsonValue& pair = *found;
+    outcome.rest.imbalance = {.residual = pair[0].number(), .loads = pair[1].number()};
   }
-  course.at("most_inverted").get_to(outcome.most_inverted);
-  for (const auto& frame : course.at("frames")) outcome.frames.push_back(frame_from(frame));
+  for (const auto& tet : course["most_inverted"].items()) {
+    outcome.most_inverted.emplace_back(tet[0].number(), tet[1].whole<std::size_t>());
+  }
+  for (const auto& frame : course["frames"].items()) outcome.frames.push_back(frame_from(frame));
   outcome.last = read_checkpoint(file("last", frames, "h5"), vertices_, time_);
   if (fs::exists(file("before", frames, "h5"))) {
     outcome.before = read_checkpoint(file("before", frames, "h5"), vertices_, time_);

@@ -66,7 +66,8 @@ std::string number(double value) {
 std::vector<Param> solver_params() {
   const sim::SolverOptions d;
   Param threads =
-      whole("threads", d.threads, 0, 1024, "CPU threads, 0 for all; results do not depend on it");
+      whole("threads", d.threads, 0, 1024,
+            "CPU threads, 0 for all, at most the machine's; results do not depend on it");
   threads.in_key = false;
   return {
       choice("solver", methods, "how the scene is solved"),

@@ -65,6 +65,14 @@ void drop_collapsed_and_repeated(TetMesh& mesh, const std::string& file, Repairs
   }
   refuse_tets(mesh, contradicting, file, "tets stand twice, with different labels",
               "one label for each tet");
+  if (order.empty()) {
+    throw Error(ExitCode::bad_input,
+                {.where = file,
+                 .field = "tets",
+                 .found = fmt::format("{} tets, each with a corner twice", repairs.tets_collapsed),
+                 .allowed = "at least one tet of four points",
+                 .remedy = "write the mesh again"});
+  }
   keep_tets(mesh, [&](std::size_t t) { return !drop[t]; });
 }
 

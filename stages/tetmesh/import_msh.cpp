@@ -8,6 +8,7 @@
 #include <set>
 
 #include "pipeline/contract/error.hpp"
+#include "stages/common/label_name.hpp"
 #include "stages/tetmesh/gmsh_session.hpp"
 #include "stages/tetmesh/import.hpp"
 
@@ -44,7 +45,8 @@ std::map<std::size_t, int> read_nodes(const std::filesystem::path& path, TetMesh
 }
 
 // Volume entity to label, and the labels' names.
-std::map<int, int> read_groups(TetMesh& mesh, std::string& labels_from) {
+std::map<int, int> read_groups(const std::filesystem::path& path, TetMesh& mesh,
+                               std::string& labels_from) {
   gmsh::vectorpair groups, volumes;
   gmsh::model::getPhysicalGroups(groups, 3);
   gmsh::model::getEntities(volumes, 3);
@@ -55,7 +57,9 @@ std::map<int, int> read_groups(TetMesh& mesh, std::string& labels_from) {
     std::vector<int> entities;
     gmsh::model::getEntitiesForPhysicalGroup(3, group, entities);
     for (const int entity : entities) label_of[entity] = group;
-    gmsh::model::getPhysicalName(3, group, mesh.label_names[group]);
+    std::string& name = mesh.label_names[group];
+    gmsh::model::getPhysicalName(3, group, name);
+    if (!name.empty()) check_label_name(name, ExitCode::bad_input, path.string(), "PhysicalNames");
   }
   return label_of;
 }
@@ -111,7 +115,7 @@ ForeignMesh current_gmsh_mesh(const std::filesystem::path& path) {
   ForeignMesh read;
   const auto index = read_nodes(path, read.mesh);
   std::vector<NumberedTet> tets;
-  for (const auto& [entity, label] : read_groups(read.mesh, read.labels_from))
+  for (const auto& [entity, label] : read_groups(path, read.mesh, read.labels_from))
     read_volume(path, index, entity, label, tets);
   if (tets.empty()) throw bad_msh(path, "Elements", "no tetrahedra", "at least one tetrahedron");
   std::stable_sort(tets.begin(), tets.end(),

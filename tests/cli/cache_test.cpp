@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <fstream>
+#include <thread>
 
 #include "tests/cli/workplace.hpp"
 
@@ -97,6 +99,29 @@ vars: {input: unused.txt}
 TEST_F(Cache, AParamThatIsNotPartOfTheKeyRunsNothing) {
   EXPECT_EQ(work_.run({"--set", "alpha.threads=7"}).exit, 0);
   EXPECT_EQ(work_.started(), "");
+}
+
+TEST_F(Cache, AnInputOrAResultThatWasChangedInSecretIsNoticed) {
+  const auto change = [](const fs::path& path, const std::string& from, const std::string& to) {
+    fs::permissions(path, fs::perms::owner_all);
+    const auto time = fs::last_write_time(path);
+    std::string text = read_file(path);
+    text.replace(text.find(from), from.size(), to);
+    std::fstream(path) << text;  // in place: same inode and size
+    fs::last_write_time(path, time);
+  };
+  std::this_thread::sleep_for(std::chrono::milliseconds(2500));
+  work_.run();  // by now all digests are remembered
+  EXPECT_EQ(work_.started(), "");
+  change(work_.path("out/spec/alpha/alpha.txt"), "voxels", "VOXELS");
+  const auto run = work_.run();
+  EXPECT_TRUE(contains(run.errors, "alpha: cached alpha.txt is damaged")) << run.errors;
+  EXPECT_TRUE(contains(work_.read("out/spec/alpha/alpha.txt"), "voxels"));
+  work_.started();
+  change(work_.path("volume.txt"), "voxels", "pixels");
+  EXPECT_EQ(work_.run().exit, 0);
+  EXPECT_EQ(work_.started(), all_ran);
+  EXPECT_TRUE(contains(work_.read("out/spec/page.html"), "pixels"));
 }
 
 TEST_F(Cache, ATouchedInputRunsNothingAndAChangedOneRunsAll) {

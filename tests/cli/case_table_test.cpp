@@ -58,6 +58,14 @@ struct BadTable {
 };
 class CaseTableRefused : public CaseTable, public testing::WithParamInterface<BadTable> {};
 
+TEST_F(CaseTable, RefusesANameThatIsTooLongForAFolder) {
+  EXPECT_EQ(run("case,words\n" + std::string(200, 'a') + ",b\n").exit, 0);
+  const auto result = run("case,words\na,b\n" + std::string(201, 'a') + ",b\n");
+  EXPECT_EQ(result.exit, 3) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "cases.csv:3:1")) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "at most 200 bytes")) << result.errors;
+}
+
 TEST_P(CaseTableRefused, WithItsLineAndColumn) {
   const auto result = run(GetParam().table);
   EXPECT_EQ(result.exit, 3) << result.errors;
@@ -78,6 +86,9 @@ const std::vector<BadTable> bad = {
     {"Twice", "case,words\na,b\na,c\n", {"cases.csv:3:1", "two cases"}},
     {"FolderName", "case,words\n../up,b\n", {"cases.csv:2:1", "'../up'"}},
     {"NoName", "case,words\n,b\n", {"cases.csv:2:1", "can name a folder"}},
+    {"RunsOwnFile", "case,words\na,b\nruns.json,c\n", {"cases.csv:3:1", "the run itself"}},
+    {"Formula", "case,words\n=1+1,b\n", {"cases.csv:2:1", "'=1+1'", "at its beginning"}},
+    {"Option", "case,words\n--case,b\n", {"cases.csv:2:1", "'--case'"}},
     {"UnknownVariable", "case,wrods\na,b\n", {"cases.csv:2:3", "did you mean 'words'?"}},
     {"UnknownParam", "case,beta.siz\na,1mm\n", {"cases.csv:2:3", "did you mean 'size'?"}},
     {"OutOfRange", "case,beta.size\na,1mm\nb,40mm\n", {"cases.csv:3:3", "1 to 10 mm"}},

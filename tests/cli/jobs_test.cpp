@@ -59,8 +59,25 @@ TEST_F(Jobs, ShareTheThreadsUnlessTheyAreGiven) {
   ASSERT_EQ(run({"--jobs", "2", "--threads", "3"}).exit, 0);
   EXPECT_TRUE(contains(work_.read("out/many/one/alpha/manifest.json"), "\"threads\": 1"))
       << "what the spec says stands";
-  ASSERT_EQ(run({"--threads", "3", "--set", "alpha.threads=0", "--from", "alpha"}).exit, 0);
-  EXPECT_TRUE(contains(work_.read("out/many/one/alpha/manifest.json"), "\"threads\": 3"));
+  ASSERT_EQ(run({"--set", "alpha.threads=0", "--from", "alpha"}).exit, 0);
+  EXPECT_TRUE(contains(work_.read("out/many/one/alpha/manifest.json"), "\"threads\": 0"));
+  ASSERT_EQ(run({"--threads", "1", "--set", "alpha.threads=0", "--from", "alpha"}).exit, 0);
+  EXPECT_TRUE(contains(work_.read("out/many/one/alpha/manifest.json"), "\"threads\": 1"));
+}
+
+TEST_F(Jobs, UseNoMoreThreadsThanTheMachineHasCoresAndSaySo) {
+  const unsigned cores = std::thread::hardware_concurrency();
+  for (const auto& asked :
+       {std::vector<std::string>{"--threads", "1024", "--set", "alpha.threads=0"},
+        std::vector<std::string>{"--set", "alpha.threads=1024"}}) {
+    auto arguments = asked;
+    arguments.insert(arguments.end(), {"--case", "one", "--from", "alpha"});
+    const auto result = run(arguments);
+    ASSERT_EQ(result.exit, 0) << result.errors;
+    const Json manifest = Json::parse(work_.read("out/many/one/alpha/manifest.json"));
+    EXPECT_EQ(manifest["params"]["threads"], cores);
+    EXPECT_TRUE(contains(result.errors, "threads: 1024 were asked for")) << result.errors;
+  }
 }
 
 TEST_F(Jobs, OnAGpuAreAsManyAsThereAreGpus) {

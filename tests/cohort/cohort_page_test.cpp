@@ -65,7 +65,7 @@ std::string case_json(const char* name, double volume) {
 TEST_F(CohortPage, HasARowForEveryCaseAndAColumnForEveryFigure) {
   std::string cases = case_json("first, \\\"one\\\"", 10);
   for (const double volume : {11.0, 9.0, 10.5, 9.5}) cases += case_json("c", volume);
-  cases += case_json("far", 99);
+  cases += case_json("far", 99) + case_json("=1+1", 10);
   cases +=
       "{\"case\": \"odd\", \"settings\": {}, \"state\": \"refused\", \"message\": \"no\", "
       "\"stages\": []}";
@@ -74,6 +74,7 @@ TEST_F(CohortPage, HasARowForEveryCaseAndAColumnForEveryFigure) {
   EXPECT_EQ(table.substr(0, table.find('\n')), "case,state,failed_gates,outliers,labels.volume_ml");
   EXPECT_NE(table.find("\"first, \"\"one\"\"\",ok,1,0,10\n"), std::string::npos) << table;
   EXPECT_NE(table.find("far,ok,1,1,99\n"), std::string::npos) << table;
+  EXPECT_NE(table.find("'=1+1,ok,1,0,10\n"), std::string::npos) << table;
   EXPECT_NE(table.find("odd,refused,0,0,\n"), std::string::npos) << table;
   EXPECT_NE(read("cohort.html").find("\"state\":\"refused\""), std::string::npos);
 }

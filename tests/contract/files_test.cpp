@@ -5,7 +5,7 @@
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "pipeline/contract/manifest.hpp"
 
 namespace viscera {
@@ -20,18 +20,6 @@ TEST(AtomicFile, AFileAppearsWholeAndLeavesNothingBesideIt) {
   write_atomically(path, "two");
   EXPECT_EQ(read_file(path), "two");
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 1);
-}
-
-TEST(JsonText, IsReadToABoundedDepthAndNeverThrows) {
-  const auto nested = [](int levels) {
-    return std::string(levels, '[') + std::string(levels, ']');
-  };
-  EXPECT_TRUE(parse_json(nested(max_json_depth)).is_array());
-  EXPECT_TRUE(parse_json(nested(max_json_depth + 1)).is_discarded());
-  EXPECT_TRUE(parse_json(nested(200000)).is_discarded());
-  EXPECT_TRUE(parse_json("{\"a\": ").is_discarded());
-  const std::string brackets = std::string(100, '[');  // within a text they do not count
-  EXPECT_EQ(parse_json("{\"a\": \"\\\"" + brackets + "\"}")["a"], "\"" + brackets);
 }
 
 TEST(AtomicFile, ADeviceIsNotReadAsAFile) {
@@ -93,7 +81,8 @@ TEST(Manifest, SurvivesTheWayThroughJson) {
   const GateInfo angle("min_dihedral", ">=", "deg", "The mesh has slivers.", "lower cell_size");
   manifest.gates.push_back(judged(angle, 9.0, 10.0, {.where = "there", .at = {{1, 2, 3}}}));
   manifest.caveats = {"The body is cut."};
-  EXPECT_EQ(to_json(manifest_from_json(to_json(manifest))), to_json(manifest));
+  const Json json = to_json(manifest);
+  EXPECT_EQ(to_json(manifest_from_json({json, "manifest.json"})), json);
   EXPECT_FALSE(manifest.gates[0].passed());
 }
 

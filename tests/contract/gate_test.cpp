@@ -5,6 +5,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "pipeline/contract/json_value.hpp"
+
 namespace viscera {
 namespace {
 
@@ -46,12 +48,13 @@ TEST(Gate, OnANumberThatDoesNotExistFailsAndSaysSo) {
   const Gate gate = judged(angle, std::numeric_limits<double>::quiet_NaN(), 10);
   EXPECT_FALSE(gate.passed());
   EXPECT_EQ(failure_message(gate).find("gate min_dihedral: none, required >= 10 deg"), 0u);
-  EXPECT_FALSE(gate_from_json(to_json(gate)).passed());
+  const Json json = to_json(gate);
+  EXPECT_FALSE(gate_from_json({json, "manifest.json"}).passed());
 }
 
 TEST(Gate, IsReadFromManifestsOfVersionsThatHadNoTexts) {
-  const Gate gate = gate_from_json(
-      Json{{"name", "g"}, {"value", 1}, {"comparison", "<="}, {"limit", 0}, {"unit", "1"}});
+  const Json json{{"name", "g"}, {"value", 1}, {"comparison", "<="}, {"limit", 0}, {"unit", "1"}};
+  const Gate gate = gate_from_json({json, "manifest.json"});
   EXPECT_EQ(failure_message(gate), "gate g: 1, required <= 0");
 }
 

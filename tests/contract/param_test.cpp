@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_value.hpp"
 
 namespace viscera {
 namespace {
@@ -68,9 +69,18 @@ TEST(Param, AnyTextSurvivesTheCommandLineWhenQuotedAsJson) {
   }
 }
 
+TEST(Param, AWholeNumberMayHaveAPoint) {
+  const auto& iterations = declared[1];
+  EXPECT_EQ(resolve_value(iterations, 16.0, "a", "b").dump(), "16");
+  for (const Json& other : {Json(16.5), Json(1e300), Json("16")})
+    EXPECT_THROW(resolve_value(iterations, other, "a", "b"), Error);
+}
+
 TEST(Param, ADeclarationSurvivesTheWayThroughDescribe) {
-  for (const auto& param : declared)
-    EXPECT_EQ(to_json(param_from_json(to_json(param))), to_json(param));
+  for (const auto& param : declared) {
+    const Json json = to_json(param);
+    EXPECT_EQ(to_json(param_from_json({json, "describe"})), json);
+  }
 }
 
 }  // namespace

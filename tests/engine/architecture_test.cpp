@@ -123,19 +123,31 @@ TEST(Architecture, TheRulesNoticeAnArrowThatPointsTheWrongWay) {
   EXPECT_FALSE(refused("sim/solvers/fem.cpp", "#include <Eigen/Sparse>"));
 }
 
-// Elsewhere its depth would have no bound.
-TEST(Architecture, JsonIsParsedInOnePlace) {
+// Calls `look(file, text)` for every C++ file that is no test.
+template <class Look>
+void for_each_source(Look look) {
   for (const char* room : {"pipeline", "stages", "sim", "sample_data"}) {
     for (const auto& entry : fs::recursive_directory_iterator(room)) {
       const fs::path& file = entry.path();
-      if (file.extension() != ".cpp" && file.extension() != ".hpp") continue;
-      if (file == "pipeline/contract/json_text.cpp") continue;
-      const std::string text = read_file(file);
-      for (const char* call : {"Json::parse", "json::parse", "json::accept"}) {
-        EXPECT_EQ(text.find(call), std::string::npos) << file << " calls " << call;
-      }
+      if (file.extension() == ".cpp" || file.extension() == ".hpp") look(file, read_file(file));
     }
   }
+}
+
+// JsonValue bounds the depth and says the file and the place; the library's own access throws
+// without either, or is undefined where nothing stands.
+TEST(Architecture, JsonOfStrangersIsReadByTypeInOnePlace) {
+  for_each_source([](const fs::path& file, const std::string& text) {
+    if (file == "pipeline/contract/json_value.cpp") return;
+    for (const char* use : {"Json::parse", "json::parse", "json::accept", "Json::exception",
+                            "json::exception", ">> json"}) {
+      EXPECT_EQ(text.find(use), std::string::npos) << file << " has " << use;
+    }
+    // What comes out of a JsonValue as it is goes on as it is.
+    for (const char* use : {".raw().get", ".raw().at(", ".raw()[", ".raw().value("}) {
+      EXPECT_EQ(text.find(use), std::string::npos) << file << " has " << use;
+    }
+  });
 }
 
 TEST(Architecture, OnlyTheBackendHoldsCuda) {

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <fstream>
+#include <thread>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/digest.hpp"
@@ -65,9 +66,10 @@ class Digests : public testing::Test {
     if (old) fs::last_write_time(path, fs::file_time_type::clock::now() - std::chrono::hours(1));
     return path;
   }
-  // Changes the content behind the stat's back: same size, time and inode.
-  static void change_unseen(const fs::path& path, const std::string& text) {
+  // As somebody would who hides the change: same size, inode and time of the content's change.
+  static void change_in_secret(const fs::path& path, const std::string& text) {
     const auto time = fs::last_write_time(path);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // the clock's grain is below
     std::ofstream(path) << text;
     fs::last_write_time(path, time);
   }
@@ -77,20 +79,43 @@ class Digests : public testing::Test {
 };
 
 TEST_F(Digests, AFileThatNobodyTouchedIsNotReadAgainEvenInALaterRun) {
-  const fs::path path = file("a", "one");
+  const fs::path path = "/bin/sh";  // older than two seconds
   DigestCache first(cache_file());
-  EXPECT_EQ(first.digest(path), sha256("one"));
+  const std::string read = first.digest(path), marked(read.size(), 'f');
   first.save();
-  change_unseen(path, "two");
+  std::string memory = read_file(cache_file());
+  ASSERT_TRUE(memory.starts_with(read)) << memory;
+  file("digests.json", memory.replace(0, read.size(), marked));
   DigestCache second(cache_file());
-  EXPECT_EQ(second.digest(path), sha256("one"));
+  EXPECT_EQ(second.digest(path), marked) << "as remembered, not as read";
 }
 
 TEST_F(Digests, AYoungFileIsNotTrusted) {
-  const fs::path path = file("a", "one", false);
+  const fs::path path = file("a", "one");
   DigestCache cache(cache_file());
   EXPECT_EQ(cache.digest(path), sha256("one"));
-  change_unseen(path, "two");
+  cache.save();
+  EXPECT_FALSE(fs::exists(cache_file())) << "nothing is remembered";
+}
+
+TEST_F(Digests, AChangeWhoseTimeWasPutBackIsNoticed) {
+  const fs::path path = file("a", "one");
+  DigestCache cache(cache_file());
+  cache.remember(path, sha256("one"));
+  change_in_secret(path, "two");
+  EXPECT_EQ(cache.digest(path), sha256("two"));
+}
+
+TEST_F(Digests, ALinkOfOurOwnCostsNoReadingButHidesNoChange) {
+  const fs::path path = file("a", "one"), link = folder_.path() / "link";
+  const std::string marked(64, 'f');
+  DigestCache cache(cache_file());
+  cache.remember(path, marked);
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  cache.keep_over(path, [&] { fs::create_hard_link(path, link); });
+  EXPECT_EQ(cache.digest(path), marked) << "as remembered, not as read";
+  change_in_secret(path, "two");
+  cache.keep_over(path, [&] { fs::remove(link); });
   EXPECT_EQ(cache.digest(path), sha256("two"));
 }
 

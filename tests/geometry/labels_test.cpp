@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -59,6 +60,49 @@ TEST_F(Labels, AVolumeSurvivesTheWayThroughNrrdWithItsObliqueFrameAndNames) {
   for (int d = 0; d < 9; ++d)
     EXPECT_NEAR(read.image.frame.direction[d], image.frame.direction[d], 1e-12);
   EXPECT_EQ(read.notes.repair.shift_mm, 0.0);
+}
+
+TEST_F(Labels, NamesOfAnyLettersStayWhatTheyAre) {
+  for (const std::string& name :
+       {std::string(R"(a\b "c" 'd' <e> & {f: g})"), std::string(R"(ends with \)"),
+        std::string(R"(\n is no end of a line)"), std::string("tumör 肝"), std::string(100, 'x')}) {
+    LabelImage image = testing::nested_balls();
+    for (auto& [id, text] : image.names) text = name;
+    const fs::path stored = write("a.nrrd", image);
+    EXPECT_EQ(read_image(stored).image.names, image.names);
+    ASSERT_EQ(run(stored).code, 0) << name;
+    ASSERT_EQ(run(stored, {"labels=" + Json{{name, 1}}.dump()}).code, 0) << name;
+    EXPECT_EQ(read_image(out() / "labels.nrrd").image.names.at(1), name);
+    EXPECT_EQ(Json::parse(read_file(out() / "labels.json"))["labels"][0]["name"], name);
+  }
+}
+
+TEST_F(Labels, WhatIsNoNameIsRefusedBeforeAnythingIsWritten) {
+  const fs::path volume = write("a.nrrd", testing::nested_balls());
+  for (const char* name : {"", "a\\nb", "a\\tb", "a\\u0000b", "a\\u007f", "a\\u0085", " a", "a "}) {
+    const auto outcome = run(volume, {fmt::format("labels={{\"{}\": 1}}", name)});
+    EXPECT_EQ(outcome.code, 3) << name << outcome.log;
+    EXPECT_NE(outcome.log.find("labels: a"), std::string::npos) << outcome.log;
+    EXPECT_NE(outcome.log.find("1 to 100 bytes"), std::string::npos) << outcome.log;
+    EXPECT_TRUE(testing::files_in(out()).empty());
+  }
+  const auto outcome = run(volume, {"labels={" + std::string(1000, 'x') + ": 1}"});
+  EXPECT_EQ(outcome.code, 3) << outcome.log;
+  EXPECT_NE(outcome.log.find("a name of 1000 bytes"), std::string::npos) << outcome.log;
+  EXPECT_LT(outcome.log.size(), 1000u);
+}
+
+TEST_F(Labels, AStoredTextThatIsNoNameIsRefusedUnlessTheLabelIsNamedAnew) {
+  for (const std::string& name :
+       {std::string("L\xe4sion"), std::string("two\nlines"), std::string(10000, 'x')}) {
+    LabelImage image = testing::nested_balls();
+    image.names[1] = name;
+    const fs::path volume = write("a.nrrd", image);
+    expect_refused(run(volume), "a.nrrd: name of 1: a name ");
+    EXPECT_THROW(read_image(volume), Error);
+    EXPECT_EQ(run(volume, {"labels={liver: 1}"}).code, 0);
+    fs::remove_all(out());
+  }
 }
 
 TEST_F(Labels, NiftiIsTurnedFromRasToLps) {

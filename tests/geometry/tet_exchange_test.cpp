@@ -247,6 +247,11 @@ TEST(Repair, WhatWouldTakeAGuessIsRefusedWithCountAndPlace) {
     flat.points[tet[3]][k] = (flat.points[tet[0]][k] + flat.points[tet[1]][k]) / 2.0;
   EXPECT_NE(refusal(flat).find("tets without volume: tet 0 at ("), std::string::npos);
 
+  TetMesh collapsed{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                    .tets = {{0, 1, 1, 2}},
+                    .labels = {1}};
+  EXPECT_NE(refusal(collapsed).find("1 tets, each with a corner twice"), std::string::npos);
+
   TetMesh folded{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0.1, 0.1, 2}},
                  .tets = {{0, 1, 2, 3}, {0, 1, 2, 4}},
                  .labels = {1, 1}};

@@ -46,6 +46,20 @@ TEST(TetIo, AMeshComesBackAsItWasWritten) {
   EXPECT_EQ(back.cell_data, mesh.cell_data);
 }
 
+TEST(TetIo, NamesOfAnyLettersStayWhatTheyAreAndOthersAreRefused) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  TetMesh mesh = two_tets();
+  mesh.label_names = {{1, R"(a\b "c" 'd' <e> & \n)"}, {7, "tumör 肝"}};
+  write_vtu(folder.path() / "mesh.vtu", mesh);
+  EXPECT_EQ(read_vtu(folder.path() / "mesh.vtu").label_names, mesh.label_names);
+  for (const char* name : {"two\nlines", "L\xe4sion", ""}) {
+    mesh.label_names[7] = name;
+    write_vtu(folder.path() / "mesh.vtu", mesh);
+    const std::string said = refusal(folder.path() / "mesh.vtu");
+    EXPECT_NE(said.find("mesh.vtu: FieldData/label_names: a"), std::string::npos) << said;
+  }
+}
+
 TEST(TetIo, TheSameMeshGivesTheSameBytes) {
   const TemporaryFolder folder(fs::temp_directory_path());
   write_vtu(folder.path() / "a.vtu", two_tets());
@@ -113,6 +127,16 @@ TEST(TetIo, CountsThatTheArraysDoNotFillAndLabelsThatAreNoNumbersAreRefused) {
     write_atomically(path, one_tet(points, cells, label));
     EXPECT_NE(refusal(path).find("mesh.vtu"), std::string::npos) << points << ' ' << cells;
   }
+}
+
+TEST(TetIo, ACellOfATypeThatThereIsNotIsRefusedAlsoInAMeshMadeElsewhere) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const fs::path path = folder.path() / "mesh.vtu";
+  std::string text = one_tet("4", "1", "3");
+  text.replace(text.find(">10<"), 4, ">255<");
+  write_atomically(path, text);
+  EXPECT_NE(refusal(path).find("VTK type 255"), std::string::npos);
+  EXPECT_THROW(read_foreign_vtu(path), Error);
 }
 
 TEST(TetIo, ATetrahedronOfAnotherNumberOfPointsIsRefused) {

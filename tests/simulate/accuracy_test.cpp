@@ -108,6 +108,20 @@ TEST_F(Accuracy, IsRefusedForAnotherSceneMeshOrNoStudy) {
   EXPECT_NE(errors.find("without a study"), std::string::npos) << errors;
   write_atomically(path("study.json"), "{}");
   EXPECT_EQ(run_with("1mm"), 4);
+  EXPECT_NE(errors.find("study.json: study: missing"), std::string::npos) << errors;
+}
+
+TEST_F(Accuracy, IsRefusedWithThePlaceForAStudyWithValuesOfAnotherType) {
+  auto point_of_texts = point("tled", 48, 3.0, 0.3);
+  point_of_texts["ms"] = {"fast", 1, 2};
+  write_study(Json::array({point_of_texts}));
+  EXPECT_EQ(run_with("1mm"), 4);
+  EXPECT_NE(errors.find("study.scenes[0].points[0].ms[0]: \"fast\""), std::string::npos) << errors;
+  auto unknown_solver = point("tled", 48, 3.0, 0.3);
+  unknown_solver["setting"]["substeps"] = "many";
+  write_study(Json::array({unknown_solver}));
+  EXPECT_EQ(run_with("1mm"), 3);
+  EXPECT_NE(errors.find("study.json: setting.substeps"), std::string::npos) << errors;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "stages/simulate/stage.hpp"
 #include "tests/simulate/cube.hpp"
 
@@ -67,7 +68,8 @@ class Simulate : public testing::Test {
   }
 
   Manifest manifest() const {
-    return manifest_from_json(Json::parse(read_file(path("out") / "manifest.json")));
+    const std::filesystem::path file = path("out") / "manifest.json";
+    return manifest_from_json({Json::parse(read_file(file)), file.string()});
   }
   Json metric(const std::string& name) const {
     for (const auto& m : manifest().metrics) {

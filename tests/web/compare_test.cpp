@@ -244,6 +244,11 @@ TEST(Csv, HoldsQuartilesQuotesTextsAndLeavesNullEmpty) {
   EXPECT_EQ(csv_of(Json::array()), "");
 }
 
+TEST(Csv, HoldsNoTextThatASpreadsheetTakesForAFormula) {
+  const Json rows = {{{"label", "=1+1"}, {"mm", -2}}, {{"label", "@a, \"b\""}, {"mm", -0.5}}};
+  EXPECT_EQ(csv_of(rows), "label,mm\n'=1+1,-2\n\"'@a, \"\"b\"\"\",-0.5\n");
+}
+
 TEST_F(Compare, AnEffectIsHeldAgainstTheSameSceneWithoutIt) {
   const TetMesh mesh = sample_mesh(2);
   std::vector<ComparedRun> runs = {run("xpbd", 8, 0.0, 3.0, mesh, "m"),

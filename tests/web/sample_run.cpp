@@ -139,7 +139,7 @@ Json quality_json(int tets, const std::string& tumour) {
 }
 
 Manifest manifest_of(const char* stage) {
-  Manifest m{.stage = stage, .version = "1"};
+  Manifest m{.stage = stage, .version = "1", .params = Json::object()};
   m.started = "2026-01-02T03:04:05Z";
   m.libraries = {{"example", "1.2.3"}};
   return m;

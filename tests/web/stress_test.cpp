@@ -52,15 +52,15 @@ TEST(Stress, IsToldByNeoHookeanScenesOfConstantMaterialsOnly) {
   const Json scene = {{"materials", {{"liver", {{"E", E}, {"nu", nu}}}}},
                       {"effects", {{"neo_hookean", Json::object()}}},
                       {"schedule", Json::array()}};
-  EXPECT_NEAR(tissue_of(scene, nullptr).at("liver").mu, E / 2.9, 1e-9);
-  EXPECT_TRUE(tissue_of(nullptr, nullptr).empty());
-  EXPECT_TRUE(tissue_of(scene, {{"inputs", {{{"role", "stiffness"}}}}}).empty());
+  EXPECT_NEAR(tissue_of(scene, "scene.json", nullptr).at("liver").mu, E / 2.9, 1e-9);
+  EXPECT_TRUE(tissue_of(nullptr, "scene.json", nullptr).empty());
+  EXPECT_TRUE(tissue_of(scene, "scene.json", {{"inputs", {{{"role", "stiffness"}}}}}).empty());
   Json other = scene;
   other["effects"]["corotational"] = Json::object();
-  EXPECT_TRUE(tissue_of(other, nullptr).empty());
+  EXPECT_TRUE(tissue_of(other, "scene.json", nullptr).empty());
   other = scene;
   other["schedule"].push_back({{"at", 1.0}});
-  EXPECT_TRUE(tissue_of(other, nullptr).empty());
+  EXPECT_TRUE(tissue_of(other, "scene.json", nullptr).empty());
 }
 
 }  // namespace

@@ -7,10 +7,10 @@
 #include <map>
 
 #include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_text.hpp"
+#include "pipeline/contract/json_value.hpp"
 #include "pipeline/contract/log.hpp"
 #include "stages/report/cohort/outliers.hpp"
+#include "stages/report/csv_cell.hpp"
 #include "stages/report/page.hpp"
 #include "stages/report/web_files.hpp"
 
@@ -26,51 +26,46 @@ struct Column {
   std::vector<double> values;
 };
 
-std::vector<Column> columns_of(const Json& cases) {
+std::vector<Column> columns_of(const std::vector<JsonValue>& cases) {
   std::vector<Column> columns;
   std::map<std::pair<std::string, std::string>, std::size_t> known;
   for (std::size_t i = 0; i < cases.size(); ++i) {
-    for (const auto& stage : cases[i].at("stages")) {
-      for (const auto& metric : stage.at("metrics")) {
-        const std::string name = metric.at("name"), of = stage.at("stage");
+    for (const auto& stage : cases[i]["stages"].items()) {
+      for (const auto& metric : stage["metrics"].items()) {
+        const std::string name = metric["name"].text(), of = stage["stage"].text();
+        const auto unit = metric.find("unit");
         const auto [at, added] = known.emplace(std::pair(of, name), columns.size());
-        if (added) columns.push_back({of, name, metric.value("unit", "1"), {}, {}});
+        if (added) columns.push_back({of, name, unit ? unit->text() : "1", {}, {}});
         columns[at->second].cases.push_back(i);
-        columns[at->second].values.push_back(metric.at("value"));
+        columns[at->second].values.push_back(metric["value"].number());
       }
     }
   }
   return columns;
 }
 
-Json failed_gates(const Json& one) {
+Json row_of(const JsonValue& one) {
+  std::size_t gates = 0;
   Json failed = Json::array();
-  for (const auto& stage : one.at("stages")) {
-    for (const auto& gate : stage.at("gates")) {
-      if (!gate.at("passed").get<bool>())
-        failed.push_back({{"stage", stage["stage"]}, {"gate", gate}});
+  for (const auto& stage : one["stages"].items()) {
+    for (const auto& gate : stage["gates"].items()) {
+      ++gates;
+      if (gate["passed"].flag()) continue;
+      failed.push_back({{"stage", stage["stage"].text()}, {"gate", gate.raw()}});
     }
   }
-  return failed;
+  return {{"case", one["case"].text()},
+          {"settings", one["settings"].raw()},
+          {"state", one["state"].text()},
+          {"message", one["message"].text()},
+          {"gates", gates},
+          {"failed", failed},
+          {"outliers", Json::array()}};
 }
 
-std::size_t gate_count(const Json& one) {
-  std::size_t count = 0;
-  for (const auto& stage : one.at("stages")) count += stage.at("gates").size();
-  return count;
-}
-
-Json rows_of(const Json& cases) {
+Json rows_of(const std::vector<JsonValue>& cases) {
   Json rows = Json::array();
-  for (const auto& one : cases) {
-    rows.push_back({{"case", one.at("case")},
-                    {"settings", one.at("settings")},
-                    {"state", one.at("state")},
-                    {"message", one.at("message")},
-                    {"gates", gate_count(one)},
-                    {"failed", failed_gates(one)},
-                    {"outliers", Json::array()}});
-  }
+  for (const auto& one : cases) rows.push_back(row_of(one));
   return rows;
 }
 
@@ -98,25 +93,19 @@ Json spreads_of(const std::vector<Column>& columns, Json& rows) {
   return spreads;
 }
 
-std::string quoted(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string out;
-  for (const char c : text) out.append(c == '"' ? 2 : 1, c);
-  return fmt::format("\"{}\"", out);
-}
-
 // cohort.csv: one row a case, one column a figure; empty where a case has none.
 std::string table_of(const Json& rows, const std::vector<Column>& columns) {
   std::vector<std::string> lines = {"case,state,failed_gates,outliers"};
   for (const auto& row : rows) {
-    lines.push_back(fmt::format("{},{},{},{}", quoted(row["case"]), row["state"].get<std::string>(),
-                                row["failed"].size(), row["outliers"].size()));
+    lines.push_back(fmt::format("{},{},{},{}", csv_cell(row["case"]),
+                                row["state"].get<std::string>(), row["failed"].size(),
+                                row["outliers"].size()));
   }
   for (const auto& column : columns) {
     const bool plain = column.unit == "1";
     lines[0] += ",";
-    lines[0] += quoted(fmt::format("{}.{}{}{}", column.stage, column.name, plain ? "" : "_",
-                                   plain ? "" : column.unit));
+    lines[0] += csv_cell(fmt::format("{}.{}{}{}", column.stage, column.name, plain ? "" : "_",
+                                     plain ? "" : column.unit));
     std::vector<std::string> cells(rows.size());
     for (std::size_t i = 0; i < column.cases.size(); ++i)
       cells[column.cases[i]] = fmt::format("{:.9g}", column.values[i]);
@@ -127,31 +116,19 @@ std::string table_of(const Json& rows, const std::vector<Column>& columns) {
   return text;
 }
 
-Json read_runs_file(const StageRun& run) {
-  const auto path = run.input("runs");
-  Json runs = parse_json(read_file(path));
-  const bool sound = runs.is_object() && runs.value("schema", Json()) == 1 &&
-                     runs.contains("cases") && runs["cases"].is_array() && !runs["cases"].empty();
-  if (sound) return runs;
-  throw Error(ExitCode::bad_input, {.where = path.string(),
-                                    .field = "cases",
-                                    .found = "not what the engine says of its cases",
-                                    .allowed = "JSON with a list of cases, schema 1",
-                                    .remedy = "viscera status SPEC --json writes one"});
+std::vector<JsonValue> cases_in(const JsonValue& runs) {
+  if (runs["schema"].raw() != 1) throw runs["schema"].refused("1");
+  const auto cases = runs["cases"].items();
+  if (!cases.empty()) return cases;
+  throw runs["cases"].refused("at least one case, as viscera status SPEC --json writes it");
 }
 
 void report(StageRun& run) {
-  const Json runs = read_runs_file(run);
-  const Json& cases = runs["cases"];
-  Json rows, spreads;
-  std::vector<Column> columns;
-  try {
-    rows = rows_of(cases);
-    columns = columns_of(cases);
-    spreads = spreads_of(columns, rows);
-  } catch (const Json::exception& e) {
-    throw Error(ExitCode::bad_input, {.where = run.input("runs").string(), .found = e.what()});
-  }
+  const JsonText runs = read_json(run.input("runs"));
+  const auto cases = cases_in(runs.root());
+  Json rows = rows_of(cases);
+  const std::vector<Column> columns = columns_of(cases);
+  const Json spreads = spreads_of(columns, rows);
   write_atomically(run.out("cohort.csv"), table_of(rows, columns));
   std::map<std::string, std::size_t> states;
   std::size_t outliers = 0;

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "stages/report/csv_cell.hpp"
+
 namespace viscera {
 namespace {
 
@@ -13,11 +15,8 @@ bool is_quartiles(const Json& value) {
 std::string cell(const Json& value) {
   if (value.is_null()) return "";
   if (value.is_number_float()) return fmt::format("{:.6g}", value.get<double>());
-  const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
+  if (value.is_number()) return value.dump();
+  return csv_cell(value.is_string() ? value.get<std::string>() : value.dump());
 }
 
 }  // namespace

@@ -5,6 +5,8 @@
 #include <limits>
 #include <map>
 
+#include "pipeline/contract/json_value.hpp"
+
 namespace viscera {
 namespace {
 
@@ -49,10 +51,12 @@ std::size_t most_deformed(const ComparedRun& run) {
 double ground_of(const ComparedRun& run) {
   double lowest = std::numeric_limits<double>::infinity();
   for (const auto& p : run.trajectory->mesh().points) lowest = std::min(lowest, p[2]);
-  const Json effects = run.scene.is_object() ? run.scene.value("effects", Json::object()) : Json();
-  if (!effects.is_object() || !effects.contains("ground"))
-    return -std::numeric_limits<double>::infinity();
-  return lowest - 1e3 * effects["ground"].value("clearance", 0.0);
+  const JsonValue scene(run.scene, "scene.json of " + run.name);
+  const auto effects = run.scene.is_null() ? std::nullopt : scene.find("effects");
+  const auto ground = effects ? effects->find("ground") : std::nullopt;
+  if (!ground) return -std::numeric_limits<double>::infinity();
+  const auto clearance_m = ground->find("clearance");
+  return lowest - 1e3 * (clearance_m ? clearance_m->number() : 0.0);
 }
 
 // One camera for all pictures of a figure: the box of the rest shape and of where it ends.

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 
+#include "pipeline/contract/json_value.hpp"
 #include "stages/report/compare/distance.hpp"
 #include "stages/report/compare/sentences.hpp"
 #include "stages/report/compare/setting.hpp"
@@ -28,9 +29,10 @@ Json number(double value) {
 bool has_other_energy(const ComparedRun& run) {
   for (const auto& metric : run.manifest["metrics"]) {
     if (metric["name"] != "effects_on") continue;
-    return std::ranges::any_of(metric["value"], [](const Json& effect) {
+    const JsonValue effects(metric["value"], "manifest.json of " + run.name, "effects_on");
+    return std::ranges::any_of(effects.texts(), [](const std::string& effect) {
       return std::ranges::count(std::array{"spring", "prony", "pressure", "load", "prescribed"},
-                                effect.get<std::string>()) > 0;
+                                effect) > 0;
     });
   }
   return false;
