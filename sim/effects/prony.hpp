@@ -61,6 +61,12 @@ struct Prony {
             .kept = static_cast<T>(std::exp(-dt / params.time))};
   }
 
+  // For a time `share` times as long as it was made for.
+  template <class T>
+  static void stretch(Rest<T>& rest, T share) {
+    rest.kept = std::pow(rest.kept, share);
+  }
+
   template <class T>
   SIM_HD static void remember(const Rest<T>& rest, const Vec3<T> u[4], T viscous[]) {
     T row[6];

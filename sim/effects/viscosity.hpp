@@ -87,6 +87,13 @@ struct Viscosity {
     rest.number = static_cast<T>(std::min(1.0 + 0.5 * lambda / mu, 6.0)) * rest.strength;
   }
 
+  // For a time `share` times as long as it was made for.
+  template <class T>
+  static void stretch(Rest<T>& rest, T share) {
+    rest.strength /= share;
+    rest.number *= share;
+  }
+
   // On copies of the vertices with a share of their mass, `copies` of each at most.
   template <class T>
   static void lighten(Rest<T>& rest, T copies) {

@@ -1,20 +1,25 @@
-// Time and load of the implicit finite elements. A step of implicit Euler makes
+// Time and load of the implicit finite elements. A step makes
 //
-//   1/2 (d - y)^T M (d - y) / dt^2 + potential(u + d),   y = dt v + dt^2 a
+//   1/2 (d - y)^T M (d - y) / g^2 + potential(u + d),   y = g v + g^2 a
 //
-// smallest; an equilibrium is the same without inertia. advance_step() and find_equilibrium() say
-// how they get there; one step's Newton iterations are in fem_newton.hpp. Double precision and one
-// thread, whatever the options say.
+// smallest. To first order (implicit Euler) u and v are those at its start and g is its length; to
+// second order (BDF2) they are further on by a share of the last changes (time_rule.hpp), and a
+// step whose error is too large is made in shorter ones (fem_step_length.hpp). An equilibrium is
+// the same without inertia. try_step() and find_equilibrium() say how they get there; one step's
+// Newton iterations are in fem_newton.hpp. Double precision and one thread, whatever the options
+// say.
 #include "sim/solvers/fem.hpp"
 
 #include <limits>
 
-#include "sim/elasticity.hpp"
 #include "sim/refusal.hpp"
 #include "sim/solvers/fem_contact.hpp"
+#include "sim/solvers/fem_diagnostics.hpp"
 #include "sim/solvers/fem_effect.hpp"
 #include "sim/solvers/fem_mass.hpp"
 #include "sim/solvers/fem_newton.hpp"
+#include "sim/solvers/fem_nodes.hpp"
+#include "sim/solvers/fem_step_length.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -33,6 +38,9 @@ const FemOptions& checked(const FemOptions& options) {
   }
   if (options.max_iterations < 1) {
     refuse("fem.max_iterations", std::to_string(options.max_iterations), "1 or more");
+  }
+  if (!(options.step_error > 0.0 && options.step_error <= 1.0)) {
+    refuse("fem.step_error", std::to_string(options.step_error), "above 0, at most 1");
   }
   return options;
 }
@@ -63,34 +71,6 @@ bool is_inverted(const FemTet<4>& tet, const NodeField& u) {
   return 1.0 + NeoHookean::volume_strain(gradient_at<4>(tet.nodes, tet.points[0], u)) <= 0.0;
 }
 
-// Nodes that no force moves.
-std::vector<char> held_nodes(const FemMesh& mesh, const Program<double>& program) {
-  std::vector<char> held = mesh.fixed;
-  for_each_slot<EffectKind::motion>(program.effects, [&held]<class Effect>(const auto& motion) {
-    for (const int v : motion.vertices) held[v] = 1;
-  });
-  const std::size_t vertices = held.size() - mesh.parents.size();
-  for (std::size_t m = 0; m < mesh.parents.size(); ++m) {
-    if (held[mesh.parents[m][0]] && held[mesh.parents[m][1]]) held[vertices + m] = 1;
-  }
-  return held;
-}
-
-// About the diagonal of the stiffness matrix at rest, with inertia: N/m.
-std::vector<double> node_stiffness(const Model& model, const FemMesh& mesh, double inertia) {
-  std::vector<Vec3<double>> sum(model.vertex_count());
-  for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    const Lame constants = lame(model.material(t));
-    const auto& b = model.rest_inverse[t];
-    const double k = (constants.lambda + 2.0 * constants.mu) * model.volume[t] * squared_norm(b);
-    for (const int v : model.tets[t]) sum[v].x += k;
-  }
-  for (std::size_t i = 0; i < sum.size(); ++i) sum[i].x += inertia * model.mass[i];
-  std::vector<double> stiffness;
-  for (const auto& k : mesh.on_nodes(sum)) stiffness.push_back(k.x);
-  return stiffness;
-}
-
 std::vector<double> times(double factor, std::vector<double> numbers) {
   for (double& number : numbers) number *= factor;
   return numbers;
@@ -100,13 +80,17 @@ class FemSolver final : public Solver {
  public:
   FemSolver(const Model& model, const Scene& scene, const SolverOptions& options)
       : options_(checked(options.fem)),
+        is_smooth_(order_of(scene, options) == 2),
         mesh_(model, options_.order),
         program_(mesh_.body(model), checked(scene)),
         system_(held_nodes(mesh_, program_), options_.linear),
         stiffness_(mesh_.node_count()),
         newton_(system_, terms_, options_, stiffness_, options.pause_point),
         u_(mesh_.node_count()),
-        v_(mesh_.node_count()) {
+        v_(mesh_.node_count()),
+        size_(model.size()) {
+    weight_ = free_masses(mesh_, system_);
+    begin_anew();
     take_stiffness(model);
     auto mass = std::make_unique<MassTerm>(mesh_.mass);
     mass_ = mass.get();
@@ -132,18 +116,37 @@ class FemSolver final : public Solver {
 
   // Vertices only; what midside nodes and effects keep is in the memory.
   State state() const override {
-    const auto n = static_cast<std::ptrdiff_t>(program_.rest.size());
+    const auto n = vertex_count();
     State state{{u_.begin(), u_.begin() + n}, {v_.begin(), v_.begin() + n}, step_};
-    for (const NodeField* field : {&u_, &v_}) {
-      for (auto a = field->begin() + n; a != field->end(); ++a) {
-        state.memory.insert(state.memory.end(), {a->x, a->y, a->z});
+    for (const NodeField* field : {&u_, &v_})
+      append(field->begin() + n, field->end(), state.memory);
+    if (is_smooth_) {
+      Program<double>::save_added({last_.begin(), last_.begin() + n}, state);
+      for (auto last = last_.begin() + n; last != last_.end(); ++last) {
+        append(&last->u, &last->u + 1, state.memory);
+        append(&last->v, &last->v + 1, state.memory);
       }
+      state.memory.insert(state.memory.end(), {last_s_, static_cast<double>(length_.longest())});
     }
     for (const auto& term : terms_) term->save_memory(state.memory);
     return state;
   }
   void set_state(const State& state) override {
+    const bool is_own = state.memory.size() == this->state().memory.size() &&
+                        state.added_u.size() == state.u.size();
     std::span<const double> memory = take_nodes(state, u_, v_);
+    begin_anew();
+    if (is_smooth_ && is_own) {
+      const auto n = static_cast<std::size_t>(vertex_count());
+      for (std::size_t i = 0; i < n; ++i) last_[i] = {state.added_u[i], state.added_v[i]};
+      for (std::size_t i = n; i < last_.size(); ++i) {
+        last_[i].u = take_vector(memory);
+        last_[i].v = take_vector(memory);
+      }
+      last_s_ = memory[0];
+      length_ = StepLength(static_cast<int>(std::clamp(memory[1], 1.0, double{StepLength::parts})));
+      memory = memory.subspan(2);
+    }
     for (const auto& term : terms_) term->load_memory(memory);
     step_ = state.step;
   }
@@ -160,21 +163,7 @@ class FemSolver final : public Solver {
   Diagnostics diagnose(const Model& model, const Scene& scene, const State& state) const override {
     NodeField u, v;
     take_nodes(state, u, v);
-    NodeField momentum(v.size());
-    std::vector<double> weight(v.size());
-    for (int j = 0; j < mesh_.mass.outerSize(); ++j) {
-      for (Eigen::SparseMatrix<double>::InnerIterator it(mesh_.mass, j); it; ++it) {
-        momentum[it.row()] += it.value() * v[j];
-        weight[it.row()] += it.value();
-      }
-    }
-    const auto sums = [&]<int n>(const std::vector<FemTet<n>>& tets) {
-      return sum_over_elements(tets.size(), [&](std::size_t t, ElementSums& sum) {
-        add_element(model, scene, tets[t], t, u, sum);
-      });
-    };
-    return diagnostics_of(scene, mesh_.order == 1 ? sums(mesh_.linear) : sums(mesh_.quadratic),
-                          {u, v, momentum, weight});
+    return fem_diagnostics(mesh_, model, scene, u, v);
   }
   std::size_t contact_count() const override {
     std::size_t count = 0;
@@ -187,46 +176,49 @@ class FemSolver final : public Solver {
   // Large enough for few rounds of multipliers, small enough for the condition of the system.
   static constexpr double penalty_factor = 1e3;
 
+  std::ptrdiff_t vertex_count() const { return static_cast<std::ptrdiff_t>(program_.rest.size()); }
+
+  template <class Iterator>
+  static void append(Iterator begin, Iterator end, std::vector<double>& memory) {
+    for (; begin != end; ++begin) memory.insert(memory.end(), {begin->x, begin->y, begin->z});
+  }
+  static Vec3<double> take_vector(std::span<const double>& memory) {
+    const Vec3<double> front{memory[0], memory[1], memory[2]};
+    memory = memory.subspan(3);
+    return front;
+  }
+
   // What a state knows of all nodes; returns what is left of its memory.
   std::span<const double> take_nodes(const State& state, NodeField& u, NodeField& v) const {
     std::span<const double> memory = state.memory;
     u = mesh_.on_nodes(state.u), v = mesh_.on_nodes(state.v);
     for (NodeField* field : {&u, &v}) {
       for (std::size_t i = program_.rest.size(); i < field->size() && !memory.empty(); ++i) {
-        (*field)[i] = {memory[0], memory[1], memory[2]};
-        memory = memory.subspan(3);
+        (*field)[i] = take_vector(memory);
       }
     }
     return memory;
   }
 
-  // At the quadrature points, which are where the solver sees an element.
-  template <int n>
-  static void add_element(const Model& model, const Scene& scene, const FemTet<n>& tet,
-                          std::size_t t, const NodeField& u, ElementSums& sum) {
-    const auto& laws = scene.params<NeoHookean>();
-    const double lambda = lame(model.material(t)).neo_hookean_lambda();
-    bool inverted = false;
-    for (const auto& point : tet.points) {
-      const Mat3<double> h = gradient_at<n>(tet.nodes, point, u);
-      const double j = 1.0 + NeoHookean::volume_strain(h);
-      inverted |= j <= 0.0;
-      sum.min_j = std::min(sum.min_j, j);
-      sum.volume += j * point.volume;
-      sum.rest_volume += point.volume;
-      sum.elastic += point.volume / model.volume[t] * elastic_energy(model, scene, t, h);
-      if (is_open(j)) {
-        sum.elastic +=
-            static_cast<double>(laws.size()) * point.volume * VolumeBarrier::at(lambda, j).energy;
-      }
-    }
-    if (inverted) ++sum.inverted;
+  // Without a past: the first step is short and of first order.
+  void begin_anew() {
+    last_.assign(u_.size(), {});
+    last_s_ = 0.0;
+    length_ = StepLength(1);
   }
 
   void take_stiffness(const Model& model) {
-    const double inertia = is_static(options_) ? 0.0 : 1.0 / (program_.dt * program_.dt);
-    stiffness_ = node_stiffness(model, mesh_, inertia);
+    elastic_ = node_stiffness(model, mesh_);
+    take_inertia(program_.dt);
     penalty_ = times(penalty_factor, stiffness_);
+  }
+  // That of a step over whose time forces act for so long, s.
+  void take_inertia(double acts) {
+    const double share = is_static(options_) ? 0.0 : 1.0 / (acts * acts);
+    for (std::size_t i = 0; i < stiffness_.size(); ++i) {
+      stiffness_[i] =
+          elastic_[i] + share * mesh_.mass.coeff(static_cast<int>(i), static_cast<int>(i));
+    }
   }
 
   template <class Effect>
@@ -243,40 +235,111 @@ class FemSolver final : public Solver {
         refuse((std::string("effects.") + Effect::name).c_str(), "quadratic tets",
                "neo_hookean and effects of single nodes", "use fem.order 1");
       }
-      terms_.push_back(std::make_unique<EffectTerm<Effect>>(effect));
+      terms_.push_back(std::make_unique<EffectTerm<Effect>>(effect, program_.dt));
     }
   }
 
+  // A step of the grid.
   void advance_step() {
-    const Step<double> step = program_.step(step_);
-    const NodeField acceleration = accelerations();
-    mass_->set_motion(v_, acceleration, step.dt);
-    NodeField d(u_.size());
-    const FemFields fields{u_, d, step};
-    for (const auto& term : terms_) term->begin_step(fields);
-    d = best_start(fields, d, step.dt, acceleration);
-    const std::string problem = newton_.solve(fields, d, moves(step.time, 1.0));
-    if (!problem.empty()) {
-      for (const auto& term : terms_) term->undo_step();
-      throw Diverged(problem);
+    const double begin_s = static_cast<double>(step_) * program_.dt;
+    const double part_s = program_.dt / StepLength::parts;
+    for (int part = 0; part < StepLength::parts;) {
+      const int length = is_smooth_ ? length_.from(part) : StepLength::parts;
+      const double end_s = begin_s + (part + length) * part_s;
+      const bool may_fail = is_smooth_ && length > 1;
+      const Attempt attempt = try_step(length * part_s, end_s, may_fail);
+      if (attempt.problem.empty() && (attempt.error <= 1.0 || !may_fail)) {
+        length_.made(length, attempt.error);
+        part += length;
+      } else if (may_fail) {
+        length_.failed(length);
+      } else {
+        throw Diverged(attempt.problem);
+      }
     }
-    NodeField velocity(u_.size());
-    for (std::size_t i = 0; i < d.size(); ++i) velocity[i] = (1.0 / step.dt) * d[i];
-    for (const auto& term : terms_) term->end_step(fields, v_, velocity);
-    for (std::size_t i = 0; i < d.size(); ++i) u_[i] += d[i];
-    v_ = velocity;
     ++step_;
   }
 
+  struct Attempt {
+    std::string problem;  // why there is no solution; empty where there is one
+    double error = 0.0;   // over what a step may be off by
+  };
+
+  // A step of h seconds that ends at `time`. Where it has no solution, or where it `may_fail` and
+  // its error is too large, all is as before.
+  Attempt try_step(double h, double time, bool may_fail) {
+    const bool has_past = is_smooth_ && last_s_ > 0.0;
+    const auto rule = has_past ? TimeRule<double>::after(h, last_s_) : TimeRule<double>::of(h, 1);
+    take_inertia(rule.acts);
+    const NodeField acceleration = accelerations();
+    NodeField u(u_.size()), v(u_.size()), d(u_.size());
+    for (std::size_t i = 0; i < u.size(); ++i) {
+      u[i] = rule.place(u_[i], last_[i]), v[i] = rule.velocity(v_[i], last_[i]);
+    }
+    mass_->set_motion(v, acceleration, rule.acts);
+    const FemFields fields{u, d, {rule.acts, time}, u_, h};
+    for (const auto& term : terms_) term->begin_step(fields);
+    d = best_start(fields, d, v, acceleration);
+    Attempt attempt{newton_.solve(fields, d, moves(time, 1.0))};
+    if (attempt.problem.empty() && has_past) attempt.error = step_error(fields, rule);
+    if (!attempt.problem.empty() || (may_fail && attempt.error > 1.0)) {
+      for (const auto& term : terms_) term->undo_step();
+      return attempt;
+    }
+    end_step(fields, rule);
+    last_s_ = h;
+    return attempt;
+  }
+
+  void end_step(const FemFields& fields, const TimeRule<double>& rule) {
+    const NodeField before = v_;
+    for (std::size_t i = 0; i < u_.size(); ++i) {
+      const Vec3<double> way = fields.u[i] - u_[i] + fields.d[i];
+      rule.end(system_.is_free(static_cast<int>(i)), way, u_[i], v_[i], last_[i]);
+    }
+    for (const auto& term : terms_) {
+      if (rule.share == 0.0) {
+        term->end_step(fields, before, v_);
+        continue;
+      }
+      NodeField stops(u_.size());
+      term->add_stops(stops);
+      for (std::size_t i = 0; i < stops.size(); ++i) {
+        if (touches(stops[i])) rule.after_stop(stops[i], v_[i], last_[i]);
+      }
+    }
+  }
+
+  // Of a solved step, over what it may be (fem_step_length.hpp).
+  double step_error(const FemFields& fields, const TimeRule<double>& rule) const {
+    NodeField stops(u_.size());
+    for (const auto& term : terms_) term->add_stops(stops);
+    double off = 0.0, moved = 0.0, mass = 0.0;
+    for (std::size_t i = 0; i < u_.size(); ++i) {
+      const Vec3<double> way = fields.u[i] - u_[i] + fields.d[i];
+      moved += weight_[i] * dot(way, way);
+      mass += weight_[i];
+      if (touches(stops[i])) continue;
+      const Vec3<double> miss = way - rule.dt * (v_[i] + (0.5 * rule.dt / last_s_) * last_[i].v);
+      off += weight_[i] * dot(miss, miss);
+    }
+    if (mass == 0.0) return 0.0;
+    const double floor = StepLength::slow * size_ * rule.dt;
+    return share_of_prediction(rule.dt, last_s_) * std::sqrt(off / mass) /
+           (options_.step_error * (std::sqrt(moved / mass) + floor));
+  }
+
   // Of standing still, going on and falling on: where the forces are nearest to balance.
-  NodeField best_start(const FemFields& fields, NodeField& d, double dt,
+  NodeField best_start(const FemFields& fields, NodeField& d, const NodeField& v,
                        const NodeField& acceleration) {
     NodeField best(d.size());
     double least = std::numeric_limits<double>::infinity();
+    const double dt = fields.step.dt;
     for (const double fall : {-1.0, 0.0, 1.0}) {
       for (std::size_t i = 0; i < d.size(); ++i) {
         const bool moves = fall >= 0.0 && system_.is_free(static_cast<int>(i));
-        d[i] = moves ? dt * v_[i] + (fall * dt * dt) * acceleration[i] : Vec3<double>{};
+        d[i] =
+            moves ? dt * v[i] + (fall * dt * dt) * acceleration[i] : fields.start[i] - fields.u[i];
       }
       const double residual = newton_.residual(fields);
       if (residual < least) least = residual, best = d;
@@ -357,14 +420,20 @@ class FemSolver final : public Solver {
   }
 
   const FemOptions options_;
+  const bool is_smooth_;  // steps are of second order
   FemMesh mesh_;
   Program<double> program_;
   FemSystem system_;
-  std::vector<double> stiffness_, penalty_;
+  std::vector<double> elastic_, stiffness_, penalty_;  // [nodes] N/m; the second with inertia
   FemNewton::Terms terms_;
   MassTerm* mass_ = nullptr;
   FemNewton newton_;
-  NodeField u_, v_;  // [nodes] m, m/s
+  NodeField u_, v_;                  // [nodes] m, m/s
+  std::vector<Added<double>> last_;  // [nodes] what the last step has added
+  double last_s_ = 0.0;              // s, of that step
+  StepLength length_;
+  std::vector<double> weight_;  // [nodes] kg, 0 where a node is led or held
+  double size_;                 // m, of the body
   std::uint64_t step_ = 0;
 };
 

@@ -40,8 +40,8 @@ class ContactTerm final : public FemTerm {
     }
   }
   void begin_step(const FemFields&) override {
-    for (auto& multipliers : now_) multipliers.cone = multipliers.normal;
     before_ = now_;
+    for (auto& multipliers : now_) multipliers.cone = multipliers.normal;
   }
   void undo_step() override { now_ = before_; }
 
@@ -99,6 +99,9 @@ class ContactTerm final : public FemTerm {
       Effect::rub(device_, fields.step, no_friction * now_[i].normal, before[i], d);
       velocity[i] += (1.0 / fields.step.dt) * (d - fields.d[i]);
     }
+  }
+  void add_stops(NodeField& ways) const override {
+    for (std::size_t i = 0; i < rest_.size(); ++i) ways[i] += now_[i].normal;
   }
   std::size_t contact_count() const override {
     return std::ranges::count_if(now_, [](const auto& m) { return touches(m.normal); });

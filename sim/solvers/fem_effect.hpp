@@ -47,10 +47,11 @@ class EffectTerm final : public FemTerm {
   using Rest = typename Effect::template Rest<double>;
   using Matrix = Eigen::Matrix<double, size, size>;
 
-  // Refers to the effect.
-  explicit EffectTerm(const Prepared<Effect, double>& effect)
+  // Refers to the effect, which was prepared for a time of `prepared_s`.
+  EffectTerm(const Prepared<Effect, double>& effect, double prepared_s)
       : vertices_(effect.vertices),
         rest_(effect.rest),
+        prepared_s_(prepared_s),
         memory_(effect.vertices.size() * memory_of<Effect>) {}
 
   void connect(FemSystem& system) override {
@@ -61,12 +62,16 @@ class EffectTerm final : public FemTerm {
   }
   void begin_step(const FemFields& fields) override {
     if constexpr (memory_of < Effect >> 0) {
+      memory_before_ = memory_;
       for (std::size_t e = 0; e < vertices_.size(); ++e) {
         Vec3<double> u[arity];
-        for (int i = 0; i < arity; ++i) u[i] = fields.u[vertices_[e][i]];
-        Effect::remember(rest(e), u, &memory_[e * memory_of<Effect>]);
+        for (int i = 0; i < arity; ++i) u[i] = fields.start[vertices_[e][i]];
+        Effect::remember(rest(e, fields), u, &memory_[e * memory_of<Effect>]);
       }
     }
+  }
+  void undo_step() override {
+    if constexpr (memory_of < Effect >> 0) memory_ = memory_before_;
   }
 
   void add_forces(const FemFields& fields, FemForces& forces) const override {
@@ -75,7 +80,7 @@ class EffectTerm final : public FemTerm {
       for (int i = 0; i < arity; ++i) {
         u[i] = fields.u[vertices_[e][i]], d[i] = fields.d[vertices_[e][i]];
       }
-      forces.add_energy(element_force<Effect>(rest(e), memory_of_element(e), u, d, force));
+      forces.add_energy(element_force<Effect>(rest(e, fields), memory_of_element(e), u, d, force));
       for (int i = 0; i < arity; ++i) {
         if constexpr (is_constraint<Effect>) {
           forces.add(vertices_[e][i], force[i]);
@@ -98,7 +103,7 @@ class EffectTerm final : public FemTerm {
     memory.insert(memory.end(), memory_.begin(), memory_.end());
   }
   void load_memory(std::span<const double>& memory) override {
-    if (memory.empty()) {
+    if (memory.size() < memory_.size()) {  // the state of another solver
       std::ranges::fill(memory_, 0.0);
     } else {
       std::copy_n(memory.begin(), memory_.size(), memory_.begin());
@@ -107,8 +112,12 @@ class EffectTerm final : public FemTerm {
   }
 
  private:
-  Rest rest(std::size_t e) const {
+  // What has a history goes through all of the step, and a rate acts over the time that forces do.
+  Rest rest(std::size_t e, const FemFields& fields) const {
     Rest own = rest_[e];
+    if constexpr (requires { Effect::stretch(own, 1.0); }) {
+      Effect::stretch(own, (is_rate_force<Effect> ? fields.step.dt : fields.whole_s) / prepared_s_);
+    }
     // An implicit step is stable whatever the viscosity.
     if constexpr (requires { own.number; }) own.number = 0.0;
     return own;
@@ -133,7 +142,7 @@ class EffectTerm final : public FemTerm {
 
   // A linear force needs no derivatives: its slope is what unit moves call forth.
   Matrix tangent_by_unit_moves(std::size_t e, const FemFields& fields) const {
-    const Rest own = rest(e);
+    const Rest own = rest(e, fields);
     Vec3<double> u[arity], force[arity];
     for (int i = 0; i < arity; ++i) u[i] = fields.u[vertices_[e][i]];
     Matrix k;
@@ -157,7 +166,7 @@ class EffectTerm final : public FemTerm {
     }
     D memory[memory_of<Effect> + 1];
     for (int k = 0; k < memory_of<Effect>; ++k) memory[k] = D(memory_of_element(e)[k]);
-    element_force<Effect>(as_constants<D>(rest(e)), memory, u, d, force);
+    element_force<Effect>(as_constants<D>(rest(e, fields)), memory, u, d, force);
     Matrix k;
     for (int i = 0; i < size; ++i) {
       for (int j = 0; j < size; ++j) k(i, j) = -component(force[i / 3], i % 3).slope[j];
@@ -186,7 +195,8 @@ class EffectTerm final : public FemTerm {
 
   const std::vector<std::array<int, arity>>& vertices_;
   const std::vector<Rest>& rest_;
-  std::vector<double> memory_;
+  double prepared_s_;  // s
+  std::vector<double> memory_, memory_before_;
   std::vector<FemSystem::Places<arity>> places_;
 };
 

@@ -110,7 +110,7 @@ class NeoHookeanTerm final : public FemTerm {
     std::size_t watched = 0, closed = 0;
     for (std::size_t t = 0; t < tets_.size(); ++t) {
       for (int p = 0; p < point_count; ++p) {
-        const Mat3<double> h = gradient_at<n>(tets_[t].nodes, tets_[t].points[p], fields.u);
+        const Mat3<double> h = gradient_at<n>(tets_[t].nodes, tets_[t].points[p], fields.start);
         const double j = 1.0 + NeoHookean::volume_strain(h);
         guarded_[t][p] = moves_[t] && is_open(j);
         watched += j < VolumeBound::watched;

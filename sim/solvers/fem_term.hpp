@@ -13,12 +13,22 @@ namespace viscera::sim {
 
 using NodeField = std::vector<Vec3<double>>;
 
-// Displacements at the start of the step and over it, [nodes] m.
+// Displacements, [nodes] m: u from where the step counts d, which is where it starts, or for a step
+// of second order further on (time_rule.hpp).
 struct FemFields {
   const NodeField& u;
   const NodeField& d;
-  Step<double> step;
+  Step<double> step;  // its dt is the time over which forces act
   double load = 1.0;  // share of the loads that are on: less than 1 on the way to an equilibrium
+  const NodeField& start;  // of the step
+  double whole_s;          // of the step
+
+  FemFields(const NodeField& u_start, const NodeField& d_now, const Step<double>& own,
+            double load_now = 1.0)
+      : u(u_start), d(d_now), step(own), load(load_now), start(u_start), whole_s(own.dt) {}
+  FemFields(const NodeField& u_further_on, const NodeField& d_now, const Step<double>& own,
+            const NodeField& u_start, double whole)
+      : u(u_further_on), d(d_now), step(own), start(u_start), whole_s(whole) {}
 };
 
 struct FemForces {
@@ -69,7 +79,7 @@ class FemTerm {
   virtual void connect(FemSystem& system) = 0;            // names its elements' nodes
   virtual void take_places(const FemSystem& system) = 0;  // after the system was analysed
   virtual void begin_step(const FemFields&) {}
-  virtual void undo_step() {}  // as it was when the step began
+  virtual void undo_step() {}  // as it was before begin_step()
   // How much of `step` from d on may be made, 0 to 1: no tet that has a barrier is turned over.
   virtual double longest_step(const FemFields&, const NodeField& /*step*/) const { return 1.0; }
   virtual void add_forces(const FemFields& fields, FemForces& forces) const = 0;
@@ -77,6 +87,8 @@ class FemTerm {
   // Contact only: brings the multipliers up to date with a solved step, and the bounds of friction
   // by the share `follow` of the way to what the normal forces now allow (0: they stay).
   virtual Correction correct(const FemFields&, double /*follow*/) { return {}; }
+  // Adds the ways along which obstacles have stopped nodes in a solved step.
+  virtual void add_stops(NodeField&) const {}
   // May change the velocity that a step ends with; `before` is that at its start.
   virtual void end_step(const FemFields&, const NodeField& /*before*/, NodeField& /*velocity*/) {}
   virtual std::size_t contact_count() const { return 0; }

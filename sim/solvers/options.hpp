@@ -24,13 +24,14 @@ enum class Scheme {
 };
 
 struct FemOptions {
-  enum class Time { implicit_euler, quasi_static };
+  enum class Time { implicit_euler, bdf2, quasi_static };
   enum class Linear { cholesky, pcg };
   Time time = Time::implicit_euler;
   Linear linear = Linear::cholesky;
   double tolerance = 1e-8;  // residual force over the sum of the forces' magnitudes
   int max_iterations = 100;
-  int order = 1;  // of the tets: 1 linear, 2 quadratic (the discretisation's reference)
+  int order = 1;             // of the tets: 1 linear, 2 quadratic (the discretisation's reference)
+  double step_error = 0.01;  // bdf2: of a step, over the way that the body goes in it
 };
 
 struct SolverOptions {
@@ -61,11 +62,15 @@ inline bool in_blocks(const SolverOptions& options) {
   return options.scheme == Scheme::block_gauss_seidel && options.method != Method::tled;
 }
 
-// Of the time step (time_rule.hpp). What copies of a vertex carry from one substep to the next in
-// blocks makes the second order gain energy: a cube of nu .45 that is shaken had 219 times what it
-// was given after 500 substeps at Cs .5, and loses it by colours or where copies carry nothing.
-// Explicit dynamics is of second order as it is; the projections of PBD are no forces.
+// Of the time step (time_rule.hpp; the finite elements': fem_step_length.hpp). What copies of a
+// vertex carry from one substep to the next in blocks makes the second order gain energy: a cube of
+// nu .45 that is shaken had 219 times what it was given after 500 substeps at Cs .5, and loses it
+// by colours or where copies carry nothing. Explicit dynamics is of second order as it is; the
+// projections of PBD are no forces.
 inline int order_of(const Scene& scene, const SolverOptions& options) {
+  if (options.method == Method::fem) {
+    return options.fem.time == FemOptions::Time::bdf2 ? scene.time.order : 1;
+  }
   return options.method == Method::xpbd && !in_blocks(options) ? scene.time.order : 1;
 }
 

@@ -23,6 +23,7 @@ const Words<Scheme> schemes = {{"gauss_seidel", Scheme::gauss_seidel},
                                {"jacobi", Scheme::jacobi}};
 const Words<Precision> precisions = {{"fp32", Precision::fp32}, {"fp64", Precision::fp64}};
 const Words<FemOptions::Time> fem_times = {{"implicit_euler", FemOptions::Time::implicit_euler},
+                                           {"bdf2", FemOptions::Time::bdf2},
                                            {"quasi_static", FemOptions::Time::quasi_static}};
 const Words<FemOptions::Linear> fem_linears = {{"cholesky", FemOptions::Linear::cholesky},
                                                {"pcg", FemOptions::Linear::pcg}};
@@ -79,7 +80,11 @@ std::vector<Param> solver_params() {
             "block_gauss_seidel: tets a block; 0: as suits the device"),
       quantity("stiffness", number(d.stiffness), "1", 0.0, 1.0,
                "pbd: share of an error that an iteration removes"),
-      choice("fem_time", fem_times, "fem: dynamics, or equilibria one after the other"),
+      choice("fem_time", fem_times,
+             "fem: dynamics of first order in the steps given, or of second order (bdf2) in steps "
+             "as short as their error asks for; or equilibria one after the other"),
+      quantity("fem_step_error", number(d.fem.step_error), "1", 1e-6, 1.0,
+               "fem: error of a step over the way that the body goes in it (bdf2)"),
       choice("fem_linear", fem_linears, "fem: linear solver"),
       quantity("fem_tolerance", number(d.fem.tolerance), "1", 1e-15, 1.0,
                "fem: residual force over the sum of the forces' magnitudes"),
@@ -103,6 +108,7 @@ sim::SolverOptions solver_options(const StageRun& run) {
                              .stiffness = run.param<double>("stiffness"),
                              .threads = run.param<int>("threads")};
   options.fem.time = chosen(run, "fem_time", fem_times);
+  options.fem.step_error = run.param<double>("fem_step_error");
   options.fem.linear = chosen(run, "fem_linear", fem_linears);
   options.fem.tolerance = run.param<double>("fem_tolerance");
   options.fem.order = run.param<int>("fem_order");

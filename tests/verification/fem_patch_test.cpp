@@ -24,7 +24,8 @@ Wrench wrench_of(const Model& model, int order, const typename Effect::Params& p
   NodeField moved;
   for (const auto& x : mesh.rest) moved.push_back(u(x));
   FemForces forces(mesh.node_count());
-  EffectTerm<Effect>(prepared).add_forces({moved, NodeField(moved.size()), {1e-3, 0.0}}, forces);
+  EffectTerm<Effect>(prepared, 1e-3)
+      .add_forces({moved, NodeField(moved.size()), {1e-3, 0.0}}, forces);
   Wrench sum;
   for (std::size_t i = 0; i < mesh.node_count(); ++i) {
     sum.force += forces.sum[i];

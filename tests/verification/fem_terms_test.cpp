@@ -164,7 +164,7 @@ TEST(FemTerms, EveryElementEffectHasTheTangentOfItsForces) {
   Effects::for_each([&]<class Effect, std::size_t>() {
     if constexpr (Effect::kind == EffectKind::element) {
       const Prepared<Effect, double> prepared(model, sample_params<Effect>(), dt);
-      EffectTerm<Effect> term(prepared);
+      EffectTerm<Effect> term(prepared, dt);
       check_derivatives(term, model.vertex_count(), 0.001, Effect::name);
     }
   });
@@ -175,7 +175,7 @@ TEST(FemTerms, TheClosedFormTangentIsThatOfAutomaticDifferentiation) {
   const FemMesh mesh(model, 1);
   const Prepared<NeoHookean, double> prepared(model, {}, dt);
   NeoHookeanTerm<4> closed(model, mesh);
-  EffectTerm<NeoHookean> automatic(prepared);
+  EffectTerm<NeoHookean> automatic(prepared, dt);
   FemSystem system = system_of(closed, mesh.node_count());
   automatic.take_places(system);
   const Bench at(mesh.node_count(), 5, 0.02);  // most tets are inside out

@@ -38,7 +38,9 @@ std::string label_of(const ComparedRun& run) {
   if (run.param("solver") == "fem") {
     if (run.param("fem_order") == "2") label += ", quadratic";
     if (run.param("fem_time") == "quasi_static") return label + ", equilibrium";
-    return label + fmt::format(", {} steps, tolerance {}", substeps, run.param("fem_tolerance"));
+    const std::string more = run.param("fem_time") == "bdf2" ? " or more" : "";
+    return label +
+           fmt::format(", {}{} steps, tolerance {}", substeps, more, run.param("fem_tolerance"));
   }
   if (scheme != "gauss_seidel") label += ", " + scheme;
   label += fmt::format(", {} substeps", substeps);

@@ -1,0 +1,131 @@
+// The finite elements' time step of second order: its order, its error, and the lengths that its
+// steps take.
+#include <gtest/gtest.h>
+
+#include "sim/solvers/fem_step_length.hpp"
+#include "sim/stability.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+TEST(FemStepLength, StepsEndWhereTheGridDoesAndBeginAtMultiplesOfTheirLength) {
+  StepLength length;
+  EXPECT_EQ(length.from(0), 64);
+  length.failed(64);
+  length.failed(32);
+  EXPECT_EQ(length.from(0), 16);
+  length.made(16, 0.1);  // little error: the next may be twice as long, once it fits
+  EXPECT_EQ(length.from(16), 16);
+  EXPECT_EQ(length.from(32), 32);
+  length.made(32, 0.9);
+  EXPECT_EQ(length.from(0), 32);
+  length.failed(1);
+  EXPECT_EQ(length.from(0), 1);
+}
+
+// With constant third derivative both formulas are exact, and so is the estimate.
+TEST(FemStepLength, TheErrorOfAStepIsEstimatedExactlyWhereTheThirdDerivativeIsConstant) {
+  const double last = 0.7, h = 0.4;
+  const auto x = [](double t) { return t * t * t; };
+  const auto v = [](double t) { return 3.0 * t * t; };
+  const TimeRule<double> rule = TimeRule<double>::after(h, last);
+  // The place from its own derivative at the end, whose error the estimate is of.
+  const double made =
+      rule.place(Vec3<double>{x(0.0), 0, 0}, Added<double>{{x(0.0) - x(-last), 0, 0}}).x +
+      rule.acts * v(h);
+  const double predicted = x(0.0) + h * v(0.0) + 0.5 * h * h * (v(0.0) - v(-last)) / last;
+  EXPECT_NEAR(share_of_prediction(h, last) * std::abs(made - predicted), std::abs(made - x(h)),
+              1e-14);
+}
+
+const SolverOptions second_order{.method = Method::fem, .fem = {.time = FemOptions::Time::bdf2}};
+
+struct HeldBar {
+  Model model = make_box({0.06, 0.03, 0.03}, {4, 2, 2}, soft_tissue);
+  Scene scene = elastic_scene();
+  HeldBar() {
+    scene.params<Gravity>().emplace_back();
+    scene.params<Fixed>().emplace_back().side = "right";
+  }
+  State after(int substeps, double step_error, double seconds = 0.2) const {
+    Scene own = scene;
+    own.time.substeps = substeps;
+    SolverOptions options = second_order;
+    options.fem.step_error = step_error;
+    const auto solver = make_on_cpu(model, own, options);
+    const int frames = static_cast<int>(std::lround(seconds / own.time.frame_s));
+    for (int frame = 0; frame < frames; ++frame) solver->advance_frame();
+    return solver->state();
+  }
+};
+
+double rms_difference(const State& a, const State& b) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < a.u.size(); ++i) sum += dot(a.u[i] - b.u[i], a.u[i] - b.u[i]);
+  return std::sqrt(sum / static_cast<double>(a.u.size()));
+}
+
+TEST(FemStep, TheErrorOfASwingFallsWithTheSquareOfTheStep) {
+  const HeldBar bar;
+  constexpr double never_shortened = 1.0;
+  const State truth = bar.after(64, never_shortened);
+  const double coarse = rms_difference(bar.after(8, never_shortened), truth);
+  const double fine = rms_difference(bar.after(16, never_shortened), truth);
+  EXPECT_GE(std::log2(coarse / fine), 1.9);
+  EXPECT_LE(std::log2(coarse / fine), 2.3);
+}
+
+TEST(FemStep, OneStepAFrameIsShortenedUntilItIsAccurate) {
+  const HeldBar bar;
+  const State truth = bar.after(64, 1.0);
+  const double coarse = rms_difference(bar.after(1, 1.0), truth);
+  EXPECT_LT(rms_difference(bar.after(1, 0.01), truth), 0.35 * coarse);
+  EXPECT_LT(rms_difference(bar.after(1, 0.001), truth), 0.1 * coarse);
+}
+
+// But for the first step, which is short and of first order.
+TEST(FemStep, FreeFallIsExact) {
+  const Model model = make_cube(2);
+  Scene scene = elastic_scene();
+  scene.params<Gravity>().emplace_back();
+  scene.time.substeps = 1;
+  const auto solver = make_on_cpu(model, scene, second_order);
+  for (int frame = 1; frame <= 30; ++frame) {
+    solver->advance_frame();
+    const double t = frame * scene.time.frame_s, fallen = 0.5 * 9.80665 * t * t;
+    const double first_s = scene.time.frame_s / StepLength::parts;
+    for (const auto& u : solver->state().u) {
+      ASSERT_NEAR(u.z, -fallen, 0.76 * 9.80665 * first_s * first_s);
+    }
+  }
+}
+
+// What decides on the next step's length is part of the state.
+TEST(FemStep, AStateGoesOnToTheSameBits) {
+  const Model model = make_box({0.06, 0.03, 0.03}, {2, 1, 1}, soft_tissue);
+  for (const int order : {1, 2}) {
+    Scene scene = drop_scene();
+    scene.params<Viscosity>().clear();  // quadratic tets have none
+    scene.params<Ground>()[0].clearance = 0.01;
+    scene.time.substeps = 1;
+    SolverOptions options = second_order;
+    options.fem.order = order;
+    const auto whole = make_on_cpu(model, scene, options);
+    for (int frame = 0; frame < 5; ++frame) whole->advance_frame();  // it has landed
+    ASSERT_GT(whole->contact_count(), 0u);
+    const auto resumed = make_on_cpu(model, scene, options);
+    resumed->set_state(whole->state());
+    for (Solver* solver : {whole.get(), resumed.get()}) solver->advance_frame();
+    EXPECT_EQ(resumed->state().hash(), whole->state().hash()) << "tets of order " << order;
+    State without_past = whole->state();
+    without_past.forget_added();
+    without_past.memory.clear();
+    resumed->set_state(without_past);
+    resumed->advance_frame();
+    EXPECT_TRUE(resumed->state().finite());
+  }
+}
+
+}  // namespace
+}  // namespace viscera::sim
