@@ -80,11 +80,19 @@ struct Viscosity {
   }
 
   // For those who solve for what it does and need no bound (solvers/viscous_step.hpp): `number` is
-  // then the resistance to a change of volume, J.
+  // then the resistance to a change of volume, lambda / (2 mu) times the strength, J.
   template <class T>
   static void solve_for(const Model& model, std::size_t tet, Rest<T>& rest) {
-    const auto [mu, lambda] = lame(model.material(tet));
-    rest.number = static_cast<T>(std::min(1.0 + 0.5 * lambda / mu, 6.0)) * rest.strength;
+    const Lame constants = lame(model.material(tet));
+    rest.number =
+        static_cast<T>(0.5 * std::max(0.0, constants.lambda) / constants.mu) * rest.strength;
+  }
+
+  // For one of several passes, each of which acts over its share of the substep.
+  template <class T>
+  static void divide(Rest<T>& rest, T passes) {
+    rest.strength *= T(1) / passes;
+    rest.number *= T(1) / passes;
   }
 
   // On copies of the vertices with a share of their mass, `copies` of each at most.
