@@ -92,7 +92,7 @@ Outcome mass_ratio(const SolverOptions& options, Contrast density) {
   scene.params<Gravity>().front().direction = {1.0, 0.0, 0.0};
   scene.accuracy_limit = density.accuracy_limit;
   // In blocks its elements hold their forces over .7 s.
-  const double seconds = density.accuracy_limit > 0.0 ? 2.5 : 1.25;
+  const double seconds = density.accuracy_limit > 0.0 ? 4.0 : 1.25;
   return against_newton(model, scene, options, 0.01, seconds);
 }
 
