@@ -84,7 +84,8 @@ TEST(FemStep, OneStepAFrameIsShortenedUntilItIsAccurate) {
   EXPECT_LT(rms_difference(bar.after(1, 0.001), truth), 0.1 * coarse);
 }
 
-// But for the first step, which is short and of first order.
+// But for the first step, which is short and of first order: it is off by g h^2 / 2, of which the
+// next steps carry on as much again at most.
 TEST(FemStep, FreeFallIsExact) {
   const Model model = make_cube(2);
   Scene scene = elastic_scene();
@@ -96,7 +97,7 @@ TEST(FemStep, FreeFallIsExact) {
     const double t = frame * scene.time.frame_s, fallen = 0.5 * 9.80665 * t * t;
     const double first_s = scene.time.frame_s / StepLength::parts;
     for (const auto& u : solver->state().u) {
-      ASSERT_NEAR(u.z, -fallen, 0.76 * 9.80665 * first_s * first_s);
+      ASSERT_NEAR(u.z, -fallen, 9.80665 * first_s * first_s);
     }
   }
 }
@@ -112,8 +113,8 @@ TEST(FemStep, AStateGoesOnToTheSameBits) {
     SolverOptions options = second_order;
     options.fem.order = order;
     const auto whole = make_on_cpu(model, scene, options);
-    for (int frame = 0; frame < 5; ++frame) whole->advance_frame();  // it has landed
-    ASSERT_GT(whole->contact_count(), 0u);
+    for (int frame = 0; frame < 10 && whole->contact_count() == 0; ++frame) whole->advance_frame();
+    ASSERT_GT(whole->contact_count(), 0u) << "it has not landed";
     const auto resumed = make_on_cpu(model, scene, options);
     resumed->set_state(whole->state());
     for (Solver* solver : {whole.get(), resumed.get()}) solver->advance_frame();
