@@ -13,9 +13,7 @@ namespace viscera::sim {
 
 // Of conjugate gradients, J.
 struct DampingSums {
-  double rr, pq, left;
-  double size;  // of the change, squared
-  SIM_HD bool goes_on() const { return rr > ViscousStep::enough(size); }
+  double rr, pq, left, enough;
 };
 
 template <class T>
@@ -59,7 +57,7 @@ static __global__ void inner_total(int count, const double* parts, double* total
 }
 
 static __global__ void begin_sums(DampingSums* sums) {
-  sums->size = 0.0;
+  sums->enough = sums->rr * ViscousStep::tolerance * ViscousStep::tolerance;
 }
 // q is what p loses on entry, and A p from then on.
 template <class T>
@@ -71,7 +69,7 @@ template <class T>
 __global__ void descend(int n, const T* w, const DampingSums* sums, const Vec3<T>* p,
                         const Vec3<T>* q, Vec3<T>* change, Vec3<T>* r) {
   const int i = global_thread();
-  if (i >= n || !(w[i] > T(0)) || !sums->goes_on()) return;
+  if (i >= n || !(w[i] > T(0)) || !(sums->rr > sums->enough)) return;
   const T alpha = static_cast<T>(sums->rr / sums->pq);
   change[i] += alpha * p[i];
   r[i] -= alpha * q[i];
@@ -79,20 +77,20 @@ __global__ void descend(int n, const T* w, const DampingSums* sums, const Vec3<T
 template <class T>
 __global__ void turn(int n, const T* w, const DampingSums* sums, const Vec3<T>* r, Vec3<T>* p) {
   const int i = global_thread();
-  if (i >= n || !(w[i] > T(0)) || !sums->goes_on()) return;
+  if (i >= n || !(w[i] > T(0)) || !(sums->rr > sums->enough)) return;
   p[i] = r[i] + static_cast<T>(sums->left / sums->rr) * p[i];
 }
 static __global__ void end_iteration(DampingSums* sums) {
-  if (sums->goes_on()) sums->rr = sums->left;
+  if (sums->rr > sums->enough) sums->rr = sums->left;
 }
 
-// With <v, change> in pq.
+// With <v, change> in pq and <change, change> in left.
 template <class T>
 __global__ void take_change(int n, const DampingSums* sums, const Vec3<T>* change, TimeRule<T> rule,
                             Vec3<T>* v, Added<T>* last) {
   const int i = global_thread();
   if (i >= n) return;
-  const Vec3<T> taken = static_cast<T>(share_that_loses_energy(-sums->pq, sums->size)) * change[i];
+  const Vec3<T> taken = static_cast<T>(share_that_loses_energy(-sums->pq, sums->left)) * change[i];
   v[i] += taken;
   last[i].u += rule.dt * taken;
 }
@@ -137,11 +135,11 @@ class CudaViscousStep {
         enqueue_inner(stream, r_.get(), r_.get(), &sums->left);
         turn<T><<<blocks(), block_size, 0, stream>>>(n_, w_, sums, r_.get(), p_.get());
         end_iteration<<<1, 1, 0, stream>>>(sums);
-        enqueue_inner(stream, change_.get(), change_.get(), &sums->size);
       }
     });
     end_ = Graph(stream, [&] {
       enqueue_inner(stream, v, change_.get(), &sums->pq);
+      enqueue_inner(stream, change_.get(), change_.get(), &sums->left);
       take_change<T><<<blocks(), block_size, 0, stream>>>(n_, sums, change_.get(), rule, v, last);
     });
   }
@@ -152,7 +150,7 @@ class CudaViscousStep {
       iterate_.launch(stream, "launching a step of damping");
       stream.finish("running a step of damping");
       const DampingSums sums = sums_.download()[0];
-      if (!sums.goes_on()) break;
+      if (!(sums.rr > sums.enough)) break;
     }
     end_.launch(stream, "launching a step of damping");
   }
