@@ -4,7 +4,7 @@
 
 #include "sim/solvers/fem_step_length.hpp"
 #include "sim/stability.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/sim/swinging_bar.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -41,47 +41,28 @@ TEST(FemStepLength, TheErrorOfAStepIsEstimatedExactlyWhereTheThirdDerivativeIsCo
 
 const SolverOptions second_order{.method = Method::fem, .fem = {.time = FemOptions::Time::bdf2}};
 
-struct HeldBar {
-  Model model = make_box({0.06, 0.03, 0.03}, {4, 2, 2}, soft_tissue);
-  Scene scene = elastic_scene();
-  HeldBar() {
-    scene.params<Gravity>().emplace_back();
-    scene.params<Fixed>().emplace_back().side = "right";
-  }
-  State after(int substeps, double step_error, double seconds = 0.2) const {
-    Scene own = scene;
-    own.time.substeps = substeps;
-    SolverOptions options = second_order;
-    options.fem.step_error = step_error;
-    const auto solver = make_on_cpu(model, own, options);
-    const int frames = static_cast<int>(std::lround(seconds / own.time.frame_s));
-    for (int frame = 0; frame < frames; ++frame) solver->advance_frame();
-    return solver->state();
-  }
-};
-
-double rms_difference(const State& a, const State& b) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < a.u.size(); ++i) sum += dot(a.u[i] - b.u[i], a.u[i] - b.u[i]);
-  return std::sqrt(sum / static_cast<double>(a.u.size()));
+State swing_by_fem(const SwingingBar& bar, int substeps, double step_error) {
+  SolverOptions options = second_order;
+  options.fem.step_error = step_error;
+  return bar.after(options, substeps, 2);
 }
 
 TEST(FemStep, TheErrorOfASwingFallsWithTheSquareOfTheStep) {
-  const HeldBar bar;
+  const SwingingBar bar;
   constexpr double never_shortened = 1.0;
-  const State truth = bar.after(64, never_shortened);
-  const double coarse = rms_difference(bar.after(8, never_shortened), truth);
-  const double fine = rms_difference(bar.after(16, never_shortened), truth);
+  const State truth = swing_by_fem(bar, 64, never_shortened);
+  const double coarse = rms_difference(swing_by_fem(bar, 8, never_shortened), truth);
+  const double fine = rms_difference(swing_by_fem(bar, 16, never_shortened), truth);
   EXPECT_GE(std::log2(coarse / fine), 1.9);
   EXPECT_LE(std::log2(coarse / fine), 2.3);
 }
 
 TEST(FemStep, OneStepAFrameIsShortenedUntilItIsAccurate) {
-  const HeldBar bar;
-  const State truth = bar.after(64, 1.0);
-  const double coarse = rms_difference(bar.after(1, 1.0), truth);
-  EXPECT_LT(rms_difference(bar.after(1, 0.01), truth), 0.35 * coarse);
-  EXPECT_LT(rms_difference(bar.after(1, 0.001), truth), 0.1 * coarse);
+  const SwingingBar bar;
+  const State truth = swing_by_fem(bar, 64, 1.0);
+  const double coarse = rms_difference(swing_by_fem(bar, 1, 1.0), truth);
+  EXPECT_LT(rms_difference(swing_by_fem(bar, 1, 0.01), truth), 0.35 * coarse);
+  EXPECT_LT(rms_difference(swing_by_fem(bar, 1, 0.001), truth), 0.1 * coarse);
 }
 
 // But for the first step, which is short and of first order: it is off by g h^2 / 2, of which the

@@ -3,43 +3,18 @@
 #include <gtest/gtest.h>
 
 #include "sim/stability.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/sim/swinging_bar.hpp"
 
 namespace viscera::sim {
 namespace {
 
-struct Swing {
-  Model model = make_box({0.06, 0.03, 0.03}, {4, 2, 2}, soft_tissue);
-  Scene scene = elastic_scene();
-
-  Swing() {
-    scene.params<Gravity>().emplace_back();
-    scene.params<Fixed>().emplace_back().side = "right";
-  }
-  // After a fifth of a second, undamped.
-  State after(const SolverOptions& options, int substeps, int order) const {
-    Scene own = scene;
-    own.time.substeps = substeps;
-    own.time.order = order;
-    const auto solver = make_on_cpu(model, own, options);
-    for (int frame = 0; frame < 12; ++frame) solver->advance_frame();
-    return solver->state();
-  }
-};
-
-double difference(const State& a, const State& b) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < a.u.size(); ++i) sum += dot(a.u[i] - b.u[i], a.u[i] - b.u[i]);
-  return std::sqrt(sum / static_cast<double>(a.u.size()));
-}
-
 TEST(TimeRule, TheErrorOfASwingFallsWithTheSquareOfTheSubstep) {
-  const Swing swing;
+  const SwingingBar swing;
   for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::jacobi}) {
     const SolverOptions options{.scheme = scheme, .precision = Precision::fp64};
     const State truth = swing.after(options, 2048, 2);
     const auto error = [&](int substeps, int order) {
-      return difference(swing.after(options, substeps, order), truth);
+      return rms_difference(swing.after(options, substeps, order), truth);
     };
     const double coarse = error(128, 2), fine = error(256, 2);
     EXPECT_GE(std::log2(coarse / fine), 1.9) << static_cast<int>(scheme);
@@ -91,7 +66,7 @@ TEST(TimeRule, AShakenCubeGainsNoEnergy) {
 
 // What a state keeps of the last substep is part of it; without, a run goes on nearly as it would.
 TEST(TimeRule, AStateGoesOnAsItWouldHave) {
-  const Swing swing;
+  const SwingingBar swing;
   const SolverOptions options{.precision = Precision::fp64};
   const auto whole = make_on_cpu(swing.model, swing.scene, options);
   for (int frame = 0; frame < 6; ++frame) whole->advance_frame();
@@ -109,7 +84,7 @@ TEST(TimeRule, AStateGoesOnAsItWouldHave) {
   for (std::size_t i = 0; i < middle.u.size(); ++i) {
     moved = std::max(moved, norm(whole->state().u[i] - middle.u[i]));
   }
-  EXPECT_LE(difference(resumed->state(), whole->state()), 0.01 * moved);
+  EXPECT_LE(rms_difference(resumed->state(), whole->state()), 0.01 * moved);
 }
 
 }  // namespace
