@@ -81,6 +81,23 @@ bool acts_on_regions(const Scene& scene) {
   return scene.has<ShapeMatching>();
 }
 
+// To what keeps the run stable, or refuses.
+void raise_substeps(Scene& scene, const Stability& now) {
+  const StabilityLimit& limit = now.limit;
+  if (limit.value <= limit.at_most || scene.stability == StabilityPolicy::warn) return;
+  const double needed = now.substeps_needed;
+  if (scene.stability == StabilityPolicy::refuse || needed > max_substeps) {
+    std::ostringstream found, at_most;
+    found << scene.time.substeps << ", which makes " << limit.name << ' ' << limit.value
+          << " at tet " << limit.tet;
+    at_most << std::setprecision(15) << needed << " substeps for " << limit.name << ' '
+            << limit.at_most << ", and at most " << max_substeps;
+    throw Refusal(Refusal::Cause::scene, "time.substeps", found.str(), at_most.str(),
+                  "raise time.substeps, soften the material, or mesh without slivers");
+  }
+  scene.time.substeps = static_cast<int>(needed);
+}
+
 void keep_accuracy(const Model& model, Scene& scene) {
   const double limit = scene.accuracy_limit;
   if (!(limit > 0.0) || scene.stability == StabilityPolicy::warn) return;
@@ -157,25 +174,13 @@ Stability assess(const Model& model, const Scene& scene, const SolverOptions& op
 }
 
 Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& options) {
-  const Method method = options.method;
+  const bool is_xpbd = options.method == Method::xpbd;
   scene.time.order = order_of(scene, options);
-  if (method == Method::xpbd) keep_accuracy(model, scene);
-  if (scene.stability == StabilityPolicy::form && method == Method::xpbd) switch_form(model, scene);
-  const Stability first = assess(model, scene, options);
-  const StabilityLimit& limit = first.limit;
-  if (limit.value <= limit.at_most) return first;
-  if (scene.stability == StabilityPolicy::warn) return first;
-  const double needed = first.substeps_needed;
-  if (scene.stability == StabilityPolicy::refuse || needed > max_substeps) {
-    std::ostringstream found, at_most;
-    found << scene.time.substeps << ", which makes " << limit.name << ' ' << limit.value
-          << " at tet " << limit.tet;
-    at_most << std::setprecision(15) << needed << " substeps for " << limit.name << ' '
-            << limit.at_most << ", and at most " << max_substeps;
-    throw Refusal(Refusal::Cause::scene, "time.substeps", found.str(), at_most.str(),
-                  "raise time.substeps, soften the material, or mesh without slivers");
-  }
-  scene.time.substeps = static_cast<int>(needed);
+  if (scene.stability == StabilityPolicy::form && is_xpbd) switch_form(model, scene);
+  raise_substeps(scene, assess(model, scene, options));
+  // Of the substeps that the run will have: how far off it rests, and how long forces must be held
+  // for that, is in proportion to their square.
+  if (is_xpbd) keep_accuracy(model, scene);
   return assess(model, scene, options);
 }
 

@@ -147,6 +147,7 @@ class CpuSolver final : public Solver {
     return count;
   }
   bool solves_damping() const override { return static_cast<bool>(program_.viscous_step); }
+  int damping_passes() const override { return program_.viscous_step.passes; }
   double unsettled_force() const override {
     double sum = 0.0;
     for (int i = 0; i < static_cast<int>(added_.size()); ++i) {
@@ -262,7 +263,9 @@ class CpuSolver final : public Solver {
         for (auto& own : std::get<i>(own_)) {
           if (!begun) begin_motions(mine), team_.barrier();
           begun = true;
-          sweep_colors(own, sweep_of<Effect>(Arithmetic::xpbd_only), rank);
+          for (int pass = 0; pass < program_.viscous_step.passes; ++pass) {
+            sweep_colors(own, sweep_of<Effect>(Arithmetic::xpbd_only), rank);
+          }
           lap.took(i);
         }
       }

@@ -39,8 +39,8 @@ class CpuViscousStep {
       change_[i] = {};
     }
     double rr = inner(team, rank, r_, r_);
-    const double enough = rr * ViscousStep::tolerance * ViscousStep::tolerance;
-    for (int k = 0; k < ViscousStep::most_iterations && rr > enough; ++k) {
+    double size = 0.0;
+    for (int k = 0; k < ViscousStep::most_iterations && rr > ViscousStep::enough(size); ++k) {
       decay(Arithmetic::resisted, p_, q_);
       for (int i = mine.begin; i < mine.end; ++i) q_[i] = p_[i] - q_[i];
       const T alpha = static_cast<T>(rr / inner(team, rank, p_, q_));
@@ -52,9 +52,9 @@ class CpuViscousStep {
       const T beta = static_cast<T>(left / rr);
       for (int i = mine.begin; i < mine.end; ++i) p_[i] = r_[i] + beta * p_[i];
       rr = left;
+      size = inner(team, rank, change_, change_);
     }
-    const double against = -inner(team, rank, v, change_),
-                 size = inner(team, rank, change_, change_);
+    const double against = -inner(team, rank, v, change_);
     const T share = static_cast<T>(share_that_loses_energy(against, size));
     for (int i = mine.begin; i < mine.end; ++i) {
       const Vec3<T> taken = share * change_[i];

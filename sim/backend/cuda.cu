@@ -219,6 +219,7 @@ class CudaSolver final : public Solver {
     return count;
   }
   bool solves_damping() const override { return static_cast<bool>(program_.viscous_step); }
+  int damping_passes() const override { return program_.viscous_step.passes; }
   double unsettled_force() const override {
     if (!layout_.holds) return 0.0;
     const auto added = added_.download();
@@ -417,7 +418,9 @@ class CudaSolver final : public Solver {
       if constexpr (is_rate_force<Effect>) {
         if (!begun) enqueue_led_motion();
         begun = true;
-        enqueue_sweep<Effect, Arithmetic::xpbd_only>(effect, program_.rule.acts);
+        for (int pass = 0; pass < program_.viscous_step.passes; ++pass) {
+          enqueue_sweep<Effect, Arithmetic::xpbd_only>(effect, program_.rule.acts);
+        }
       }
     });
   }

@@ -13,7 +13,9 @@ namespace viscera::sim {
 
 // Of conjugate gradients, J.
 struct DampingSums {
-  double rr, pq, left, enough;
+  double rr, pq, left;
+  double size;  // of the change, squared
+  SIM_HD bool goes_on() const { return rr > ViscousStep::enough(size); }
 };
 
 template <class T>
@@ -57,7 +59,7 @@ static __global__ void inner_total(int count, const double* parts, double* total
 }
 
 static __global__ void begin_sums(DampingSums* sums) {
-  sums->enough = sums->rr * ViscousStep::tolerance * ViscousStep::tolerance;
+  sums->size = 0.0;
 }
 // q is what p loses on entry, and A p from then on.
 template <class T>
@@ -69,7 +71,7 @@ template <class T>
 __global__ void descend(int n, const T* w, const DampingSums* sums, const Vec3<T>* p,
                         const Vec3<T>* q, Vec3<T>* change, Vec3<T>* r) {
   const int i = global_thread();
-  if (i >= n || !(w[i] > T(0)) || !(sums->rr > sums->enough)) return;
+  if (i >= n || !(w[i] > T(0)) || !sums->goes_on()) return;
   const T alpha = static_cast<T>(sums->rr / sums->pq);
   change[i] += alpha * p[i];
   r[i] -= alpha * q[i];
@@ -77,20 +79,20 @@ __global__ void descend(int n, const T* w, const DampingSums* sums, const Vec3<T
 template <class T>
 __global__ void turn(int n, const T* w, const DampingSums* sums, const Vec3<T>* r, Vec3<T>* p) {
   const int i = global_thread();
-  if (i >= n || !(w[i] > T(0)) || !(sums->rr > sums->enough)) return;
+  if (i >= n || !(w[i] > T(0)) || !sums->goes_on()) return;
   p[i] = r[i] + static_cast<T>(sums->left / sums->rr) * p[i];
 }
 static __global__ void end_iteration(DampingSums* sums) {
-  if (sums->rr > sums->enough) sums->rr = sums->left;
+  if (sums->goes_on()) sums->rr = sums->left;
 }
 
-// With <v, change> in pq and <change, change> in left.
+// With <v, change> in pq.
 template <class T>
 __global__ void take_change(int n, const DampingSums* sums, const Vec3<T>* change, TimeRule<T> rule,
                             Vec3<T>* v, Added<T>* last) {
   const int i = global_thread();
   if (i >= n) return;
-  const Vec3<T> taken = static_cast<T>(share_that_loses_energy(-sums->pq, sums->left)) * change[i];
+  const Vec3<T> taken = static_cast<T>(share_that_loses_energy(-sums->pq, sums->size)) * change[i];
   v[i] += taken;
   last[i].u += rule.dt * taken;
 }
@@ -135,11 +137,11 @@ class CudaViscousStep {
         enqueue_inner(stream, r_.get(), r_.get(), &sums->left);
         turn<T><<<blocks(), block_size, 0, stream>>>(n_, w_, sums, r_.get(), p_.get());
         end_iteration<<<1, 1, 0, stream>>>(sums);
+        enqueue_inner(stream, change_.get(), change_.get(), &sums->size);
       }
     });
     end_ = Graph(stream, [&] {
       enqueue_inner(stream, v, change_.get(), &sums->pq);
-      enqueue_inner(stream, change_.get(), change_.get(), &sums->left);
       take_change<T><<<blocks(), block_size, 0, stream>>>(n_, sums, change_.get(), rule, v, last);
     });
   }
@@ -150,7 +152,7 @@ class CudaViscousStep {
       iterate_.launch(stream, "launching a step of damping");
       stream.finish("running a step of damping");
       const DampingSums sums = sums_.download()[0];
-      if (!(sums.rr > sums.enough)) break;
+      if (!sums.goes_on()) break;
     }
     end_.launch(stream, "launching a step of damping");
   }

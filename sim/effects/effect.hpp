@@ -32,7 +32,9 @@
 //       back what one sweep of block Gauss-Seidel takes from its stiffness
 //   Of a rate force: template <class T> static void solve_for(model, index, Rest<T>&)
 //       and template <bool resisted, class T> SIM_HD static void evaluate_in_full(rest, u, d, out):
-//       without what keeps it stable as an explicit one (solvers/viscous_step.hpp)
+//       without what keeps it stable as an explicit one (solvers/viscous_step.hpp), and
+//       template <class T> static void divide(Rest<T>&, T passes): each of `passes` sweeps takes
+//       the force over its share of the substep
 //   static constexpr bool has_reference = true;   optional: see Evaluation
 //   static constexpr bool projectable = false;   optional: PBD is refused it, which has no
 //   compliance:

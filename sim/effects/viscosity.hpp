@@ -33,6 +33,7 @@ struct Viscosity {
   static constexpr int arity = 4;
   static constexpr int rows = 0;
   static constexpr double bound = 1.5;
+  static constexpr double max_resistance = 25.0;
   static constexpr bool needs_rate = true;
   static constexpr bool linear_in_motion = true;  // F is that of the start of the step
 
@@ -80,11 +81,20 @@ struct Viscosity {
   }
 
   // For those who solve for what it does and need no bound (solvers/viscous_step.hpp): `number` is
-  // then the resistance to a change of volume, J.
+  // then the resistance to a change of volume, lambda / (2 mu) times the strength, J. That of
+  // nu .49 is enough: where lambda has no bound the equations are not solved in time.
   template <class T>
   static void solve_for(const Model& model, std::size_t tet, Rest<T>& rest) {
-    const auto [mu, lambda] = lame(model.material(tet));
-    rest.number = static_cast<T>(std::min(1.0 + 0.5 * lambda / mu, 6.0)) * rest.strength;
+    const Lame constants = lame(model.material(tet));
+    const double resistance = 0.5 * constants.lambda / constants.mu;
+    rest.number = static_cast<T>(std::clamp(resistance, 0.0, max_resistance)) * rest.strength;
+  }
+
+  // For one of several passes, each of which acts over its share of the substep.
+  template <class T>
+  static void divide(Rest<T>& rest, T passes) {
+    rest.strength *= T(1) / passes;
+    rest.number *= T(1) / passes;
   }
 
   // For a time `share` times as long as it was made for.

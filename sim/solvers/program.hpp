@@ -198,14 +198,17 @@ struct Program {
         std::get<i>(effects).emplace_back(model, params, over);
       }
     });
-    if (viscous_step) {
-      for_each_slot<EffectKind::element>(effects, [&model]<class Effect>(auto& own) {
-        if constexpr (is_rate_force<Effect>) {
-          for (std::size_t e = 0; e < own.rest.size(); ++e)
+    for_each_slot<EffectKind::element>(effects, [&]<class Effect>(auto& own) {
+      if constexpr (is_rate_force<Effect>) {
+        for (std::size_t e = 0; e < own.rest.size(); ++e) {
+          if (viscous_step) {
             Effect::solve_for(model, e, own.rest[e]);
+          } else {
+            Effect::divide(own.rest[e], static_cast<T>(viscous_step.passes));
+          }
         }
-      });
-    }
+      }
+    });
     for_each_slot<EffectKind::motion>(effects, [this]<class Effect>(const auto& motion) {
       for (const int v : motion.vertices) inverse_mass[v] = T(0);
     });

@@ -52,6 +52,8 @@ class Solver {
   // Whether all of the damping acts, by steps of its own (viscous_step.hpp); otherwise a stable
   // share of it does, as an explicit force, or it is part of an implicit solver's forces.
   virtual bool solves_damping() const { return false; }
+  // In how many passes over the elements a substep takes that force.
+  virtual int damping_passes() const { return 1; }
   // N, summed up over the vertices: by how much the last substep has changed the forces that
   // elements hold. It vanishes where the body rests as its law says (held_forces.hpp); 0 where none
   // are held.

@@ -13,13 +13,18 @@
 // one implicit sweep a substep, spreads momentum by a cell a substep only, and the smooth motion of
 // a stiff body rings on.
 //
-// L resists a change of volume, 2 eta R V (cof F b_i)(cof F b_j)^T. On its own, damping would let a
-// bent bar swell, as what costs it least: C has no part in Lamé's lambda. Elasticity brings that
-// back within a few substeps, and up to a third of the damping would be lost at nu .45. With L what
-// is slowed keeps its shape as elasticity has it. R = 1 + lambda / (2 mu), 6 at most: overshoot of
-// a held bar at damping ratios of .1 and .5, without L, with L, and by Newton in small steps,
-//   nu .3: .748, .720, .721 and .219, .170, .172;  nu .45: .785, .716, .706 and .335, .176, .174
-// Derived for this project.
+// L resists a change of volume, 2 eta R V (cof F b_i)(cof F b_j)^T with R = lambda / (2 mu). On its
+// own, damping would let a bent bar swell, as what costs it least: C has no part in Lamé's lambda,
+// and within tau momentum spreads over sqrt(eta tau / rho), more than a bar is thick. The next
+// elastic step undoes the swelling, and with it a third of the damping at nu .45, at any tau that
+// is worth solving for. With this R, C + L at rest is the relaxation time times the elastic
+// stiffness K: an elastic mode is a mode of what is inverted, none passes motion on to another, and
+// each loses by its own C what damping takes from it. A smaller R lets the bar swell in part (1.06
+// took away a tenth of the ratio at nu .45, 2 % at nu .3), a larger one damps too much (20: 5 %).
+//
+// What is left of the error is that of a step of first order: a share of about z / 2 of the damping
+// is missing, z = 2 zeta omega tau, and as much again of omega tau for the splitting; 4 % in all
+// where tau omega = .05. Derived for this project; measured in docs/results/physics.md.
 //
 // Solved by conjugate gradients preconditioned with M, from v on (Hestenes and Stiefel 1952). All
 // corrections are M^-1 times internal forces, so momentum is kept however early they end. In
@@ -27,10 +32,20 @@
 //
 //   r = -tau M^-1 C v, p = r;   alpha = <r, r> / <p, A p>, v += alpha p, r -= alpha A p,
 //   beta = <r, r> / <r, r> before, p = r + beta p
+//
+// A is at least the identity, so that the change of v lacks at most |r|: they end where |r| is a
+// tenth of the change. (A share of the first r says nothing of the smooth motion: that r is the
+// larger, the finer the mesh, as the viscous stress on its surface moves the outermost vertices.)
+//
+// Where an explicit force is a little too strong for the substep, two passes over the elements,
+// each over half of it, are cheaper: one costs what an elastic sweep does. More of them, though
+// each is stable, let the body swell as an implicit step without L does (four: 14 % of the ratio
+// missing).
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "sim/model.hpp"
 #include "sim/scene.hpp"
@@ -38,17 +53,25 @@
 namespace viscera::sim {
 
 struct ViscousStep {
-  static constexpr int per_frame = 16;       // at least
-  static constexpr double of_swing = 0.1;    // tau is at most this over the slowest frequency
-  static constexpr double tolerance = 1e-2;  // |r| at the end over that at the start
+  static constexpr int per_frame = 8;       // at least
+  static constexpr double of_swing = 0.05;  // tau is at most this over the slowest frequency
+  static constexpr double tolerance = 0.1;  // |r| at the end over the change of v
   static constexpr int most_iterations = 1000;
-  // Where an explicit force gives less than this share of the damping, it is solved for. Not
-  // sooner: single slivers take the share of a liver of 5 kPa to .86, and many iterations: a frame
-  // took ten times as long.
-  static constexpr double explicit_share = 0.75;
+  // An explicit force is enough where it gives this share of the damping, in at most so many
+  // passes. The ratio lacks about twice what the force lacks: of bars and cubes of 5 and 264 kPa,
+  // 3, 7 to 13, and 22 % where the share is .98, .95, and .88 or .83.
+  static constexpr double explicit_share = 0.97;
+  // Nearer to incompressible than L knows (Viscosity::max_resistance, nu .49) a share of so much
+  // is: what is solved for leaves fast changes of volume, which sweeps then feed (nu .4999 shook).
+  static constexpr double explicit_share_if_incompressible = 0.75;
+  static constexpr int most_passes = 2;
 
+  int passes = 1;    // over the elements in a substep, where damping is not solved for
   int interval = 0;  // substeps from one to the next; 0: damping is not solved for
   double dt = 0.0;   // s, of a substep
+
+  // What |r|^2 may be beside the square of the change of v.
+  static constexpr double enough(double size) { return tolerance * tolerance * size; }
 
   double tau() const { return interval * dt; }
   bool is_due(std::uint64_t step) const { return interval > 0 && step % interval == 0; }
@@ -59,23 +82,26 @@ struct ViscousStep {
 };
 
 // 1/s, that of the first bending mode of a bar with the body's principal extents, its mean Young's
-// modulus and density, held at one end: 1.015 L3 / L1^2 sqrt(E / rho) (Euler and Bernoulli).
+// modulus and density, held at one end: 1.015 L3 / L1^2 sqrt(E / rho) (Euler and Bernoulli). Where
+// the mass is at the other end, it is down to half of that. (The extents are those of the volume: a
+// heavy cube that hangs from a light column is no cube.)
 inline double slowest_frequency(const Model& model) {
+  std::vector<double> share(model.vertex_count());  // m3, of the volume
   double mass = 0.0, volume = 0.0, modulus = 0.0;
-  Vec3<double> center;
-  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
-    mass += model.mass[i];
-    center += model.mass[i] * model.rest[i];
-  }
+  for (const double m : model.mass) mass += m;
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     volume += model.volume[t];
     modulus += model.volume[t] * model.material(t).youngs_modulus;
+    for (const int v : model.tets[t]) share[v] += 0.25 * model.volume[t];
   }
-  center = (1.0 / mass) * center;
+  Vec3<double> center;
+  for (std::size_t i = 0; i < share.size(); ++i) {
+    center += (share[i] / volume) * model.rest[i];
+  }
   Mat3<double> spread{};  // m2
-  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+  for (std::size_t i = 0; i < share.size(); ++i) {
     const Vec3<double> arm = model.rest[i] - center;
-    const Vec3<double> over = (model.mass[i] / mass) * arm;
+    const Vec3<double> over = (share[i] / volume) * arm;
     spread.col[0] += arm.x * over;
     spread.col[1] += arm.y * over;
     spread.col[2] += arm.z * over;
@@ -85,7 +111,7 @@ inline double slowest_frequency(const Model& model) {
   const double sum = spread.col[0].x + spread.col[1].y + spread.col[2].z - largest;
   const double root = std::sqrt(std::max(0.0, sum * sum - 4.0 * det(spread) / largest));
   const double least = std::max(0.0, 0.5 * (sum - root));
-  const double speed = std::sqrt(modulus / volume / (mass / volume));
+  const double speed = std::sqrt(modulus / mass);
   return 1.015 * std::sqrt(12.0 * least) / (12.0 * largest) * speed;
 }
 
@@ -116,10 +142,19 @@ struct ExplicitDamping {
 
 inline ViscousStep ViscousStep::of(const Model& model, const Scene& scene, double acts_s) {
   const double dt = scene.time.substep_s();
-  ViscousStep step{0, dt};
-  if (!scene.has<Viscosity>() || ExplicitDamping::of(model, acts_s).share >= explicit_share) {
-    return step;
+  ViscousStep step{.dt = dt};
+  if (!scene.has<Viscosity>()) return step;
+  bool compressible = true;
+  for (const Material& material : model.materials) {
+    const auto [lambda, mu] = lame(material);
+    compressible &= 0.5 * lambda / mu <= Viscosity::max_resistance;
   }
+  const double share = compressible ? explicit_share : explicit_share_if_incompressible;
+  for (int passes = 1; passes <= most_passes; ++passes) {
+    step.passes = passes;
+    if (ExplicitDamping::of(model, acts_s / passes).share >= share) return step;
+  }
+  step.passes = 1;
   const double longest = std::min(scene.time.frame_s / per_frame,
                                   of_swing / std::max(1e-300, slowest_frequency(model)));
   step.interval = static_cast<int>(std::clamp(longest / dt, 1.0, 1e6));

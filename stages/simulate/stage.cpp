@@ -160,7 +160,7 @@ void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& 
                       sim::Method method, const sim::Solver& solver) {
   if (!scene.has<sim::Viscosity>() || method == sim::Method::fem) return;
   const double acts_s = sim::acting_time(scene.time.substep_s(), scene.time.order);
-  const auto force = sim::ExplicitDamping::of(model, acts_s);
+  const auto force = sim::ExplicitDamping::of(model, acts_s / solver.damping_passes());
   const bool solved = solver.solves_damping();
   run.metric("viscosity_lowered", solved ? 0.0 : force.lowered);
   run.gate(simulate_gates::damping_acting, solved ? 1.0 : force.share, least_damping);

@@ -249,7 +249,10 @@ TEST_F(Cuda, AStiffBarIsDampedAndRestsAsByNewton) {
     const auto make = [precision](const Model& model, const Scene& scene) {
       return make_on_cuda(model, scene, SolverOptions{.precision = precision});
     };
-    expect_stiff_bar_is_damped_as_by_newton(make);
+    for (const double poisson_ratio : {0.3, 0.45}) {
+      expect_stiff_bar_is_damped_as_by_newton(poisson_ratio, make);
+    }
+    expect_stiff_cube_is_damped_as_by_newton(make);
     expect_rests_where_newton_does(make);
   }
 }

@@ -29,8 +29,9 @@ inline const std::vector<KnownMiss> known_misses = [] {
       // (1.33 in blocks while viscosity held the body up at rest, which hid a tenth of it).
       {"stiffness jump 1e2", "xpbd block_gauss_seidel", "", 1.46},
       {"stiffness jump 1e2", "xpbd jacobi, split 4", "", 5.4},
-      // Held forces settle within seconds there (T .3 s, times what a sweep alone is off).
-      {"slender bar of 264 kPa, ν 0.499, accuracy_limit 1 %", "xpbd gauss_seidel", "", 1.95},
+      // Held forces settle within seconds there (T .3 s, times what a sweep alone is off). By
+      // colours it was 1.93 while less of the damping acted.
+      {"slender bar of 264 kPa, ν 0.499, accuracy_limit 1 %", "xpbd gauss_seidel", "", 2.02},
       {"slender bar of 264 kPa, ν 0.499, accuracy_limit 1 %", "xpbd block_gauss_seidel", "", 128},
       {"mass ratio 1e4", "xpbd gauss_seidel", "", 4.75},
       // In blocks by where their borders lie: 18.9 when they were pieces of a Morton curve.
