@@ -1,6 +1,7 @@
 #include "pipeline/contract/yaml_file.hpp"
 
 #include <fmt/format.h>
+#include <yaml-cpp/eventhandler.h>
 
 #include <set>
 #include <sstream>
@@ -26,6 +27,31 @@ std::string remedy_at(const fs::path& path, const YAML::Mark& mark) {
     return "check quotes, brackets and indentation there";
   }
   return "inside {} and [] write \"${name}\" with quotes, or give it a line of its own";
+}
+
+// Reads past documents without keeping them.
+struct Ignored final : YAML::EventHandler {
+  using Mark = YAML::Mark;
+  using Style = YAML::EmitterStyle::value;
+  void OnDocumentStart(const Mark&) override {}
+  void OnDocumentEnd() override {}
+  void OnNull(const Mark&, YAML::anchor_t) override {}
+  void OnAlias(const Mark&, YAML::anchor_t) override {}
+  void OnScalar(const Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const Mark&, const std::string&, YAML::anchor_t, Style) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const Mark&, const std::string&, YAML::anchor_t, Style) override {}
+  void OnMapEnd() override {}
+};
+
+// Whether there are 0, 1 or more. YAML::LoadAll never ends where one begins with a comma (0.7).
+int count_documents(const std::string& text) {
+  std::istringstream in(text);
+  YAML::Parser parser(in);
+  Ignored ignored;
+  int count = 0;
+  while (count < 2 && parser.HandleNextDocument(ignored)) ++count;
+  return count;
 }
 
 class Checker {
@@ -86,12 +112,15 @@ YAML::Node load_yaml(const fs::path& path) {
     throw fail("larger than 1 MiB", "a spec holds settings; name data files in 'in:'");
   }
   try {
-    const auto documents = YAML::LoadAll(read_file(path));
-    if (documents.size() != 1) {
-      throw fail(fmt::format("{} YAML documents", documents.size()), "keep one document");
+    const std::string text = read_file(path);
+    const int documents = count_documents(text);
+    if (documents != 1) {
+      throw fail(documents == 0 ? "no YAML document" : "more than one YAML document",
+                 "keep one document");
     }
-    Checker(path).check(documents.front(), 0);
-    return documents.front();
+    const YAML::Node document = YAML::Load(text);
+    Checker(path).check(document, 0);
+    return document;
   } catch (const YAML::Exception& e) {
     throw Error(ExitCode::bad_config, {.where = place(path, e.mark),
                                        .found = e.msg,

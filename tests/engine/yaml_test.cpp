@@ -59,8 +59,9 @@ TEST_F(Yaml, DuplicateKeysAreRefusedAtTheSecond) {
 }
 
 TEST_F(Yaml, OneDocumentIsAskedFor) {
-  expect_refused("a: 1\n---\nb: 2\n", "2 YAML documents");
-  expect_refused("", "0 YAML documents");
+  expect_refused("a: 1\n---\nb: 2\n", "more than one YAML document");
+  expect_refused(", a\n", "more than one YAML document");
+  expect_refused("", "no YAML document");
 }
 
 TEST_F(Yaml, BinaryGarbageIsRefused) {
