@@ -51,7 +51,11 @@ class ContactTerm final : public FemTerm {
       const double k = penalty_[i];
       const Vec3<double> out = push(fields, i);
       forces.add(i, k * out);
-      if (touches(out)) forces.rounding += 4e-16 * k * (norm(rest_[i]) + norm(fields.u[i]));
+      if (touches(out)) {
+        const double place = 4e-16 * (norm(rest_[i]) + norm(fields.u[i]));  // m
+        forces.rounding += k * place;
+        forces.energy_rounding += k * norm(out) * place;
+      }
       forces.add_energy(0.5 * k * dot(out, out));
       if (!touches(now_[i].cone)) continue;
       const Friction f = friction(fields, i);

@@ -10,6 +10,7 @@ namespace {
 
 constexpr double shortest_step = 1e-7;  // of a Newton step: less leads nowhere
 
+constexpr double rounding = 4e-16;    // of a number, with what goes into it
 constexpr int max_rounds = 200;       // of multipliers, in a step
 constexpr int max_halvings = 6;       // of how far the bounds of friction follow
 constexpr double settled_lag = 1e-2;  // of the normal forces, where the bounds do not follow
@@ -18,6 +19,21 @@ double inner(const NodeField& a, const NodeField& b) {
   double sum = 0.0;
   for (std::size_t i = 0; i < a.size(); ++i) sum += dot(a[i], b[i]);
   return sum;
+}
+
+// m
+double largest_displacement(const FemFields& fields) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < fields.d.size(); ++i) {
+    largest = std::max(largest, norm(fields.u[i]) + norm(fields.d[i]));
+  }
+  return largest;
+}
+
+// J, what a difference of energies may be off by: the sum's own rounding, and the work of the
+// forces along the rounding of displacements up to `reach` and of the places where bodies touch.
+double energy_noise(const FemForces& forces, double reach) {
+  return 1e-13 * forces.size + rounding * reach * forces.scale + forces.energy_rounding;
 }
 
 // What a solve ended with: which condition, after how many of what, and the force that missed it,
@@ -166,18 +182,23 @@ bool FemNewton::find_step(const FemFields& fields, const NodeField& moves) {
 }
 
 // Halves the step until the potential falls enough (Armijo). The work of the forces that have none
-// is taken by the trapezoidal rule. Where the fall is below round-off, the forces decide.
+// is taken by the trapezoidal rule. Where the fall is below the rounding of the energies, it is the
+// work of all forces by that rule (Hager and Zhang 2005, "A new conjugate gradient method with
+// guaranteed descent and an efficient line search", equation 4.1).
 bool FemNewton::search_line(const FemFields& fields, NodeField& d) {
   const NodeField start = d;
-  const double slope = -inner(now_.sum, step_), before = unbalanced(now_);
+  const double slope = -inner(now_.sum, step_), reach = largest_displacement(fields);
   for (double length = longest_step(fields); length > shortest_step; length *= 0.5) {
     for (std::size_t i = 0; i < d.size(); ++i) d[i] = start[i] + length * step_[i];
     evaluate(fields, ahead_);
-    const double work = 0.5 * length * (inner(now_.loose, step_) + inner(ahead_.loose, step_));
-    const double rise = ahead_.energy - now_.energy - work;
-    const double noise = 1e-13 * (now_.size + ahead_.size);
-    const bool falls = rise <= 1e-4 * length * slope;
-    if (falls || (std::abs(rise) <= noise && unbalanced(ahead_) < before)) {
+    const auto mean_work = [&](const NodeField& now, const NodeField& ahead) {
+      return 0.5 * length * (inner(now, step_) + inner(ahead, step_));
+    };
+    const double noise = energy_noise(now_, reach) + energy_noise(ahead_, reach);
+    const double rise = -length * slope > 10.0 * noise
+                            ? ahead_.energy - now_.energy - mean_work(now_.loose, ahead_.loose)
+                            : -mean_work(now_.sum, ahead_.sum);
+    if (rise <= 1e-4 * length * slope) {
       std::swap(now_, ahead_);
       if (length == 1.0) tangent_ = Tangent::exact;
       return true;
@@ -194,7 +215,6 @@ double FemNewton::unbalanced(const FemForces& forces) const {
 }
 
 double FemNewton::bound(const FemFields& fields) const {
-  constexpr double rounding = 4e-16;
   double floor = 0.0;
   for (std::size_t i = 0; i < stiffness_.size(); ++i) {
     floor += stiffness_[i] * (norm(fields.u[i]) + norm(fields.d[i]));

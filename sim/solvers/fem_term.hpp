@@ -32,18 +32,19 @@ struct FemFields {
 };
 
 struct FemForces {
-  NodeField sum;          // [nodes] N
-  NodeField loose;        // [nodes] N, those of `sum` that have no potential
-  double energy = 0.0;    // J, the potential of the others
-  double scale = 0.0;     // N, sum of the magnitudes of all forces of all elements on their nodes
-  double size = 0.0;      // J, sum of the magnitudes of the energies
-  double rounding = 0.0;  // N, what of the forces is rounding of large coordinates
+  NodeField sum;        // [nodes] N
+  NodeField loose;      // [nodes] N, those of `sum` that have no potential
+  double energy = 0.0;  // J, the potential of the others
+  double scale = 0.0;   // N, sum of the magnitudes of all forces of all elements on their nodes
+  double size = 0.0;    // J, sum of the magnitudes of the energies
+  // What of the forces, N, and of the energy, J, may be rounding of large coordinates.
+  double rounding = 0.0, energy_rounding = 0.0;
 
   explicit FemForces(std::size_t nodes) : sum(nodes), loose(nodes) {}
   void clear() {
     std::ranges::fill(sum, Vec3<double>{});
     std::ranges::fill(loose, Vec3<double>{});
-    energy = scale = size = rounding = 0.0;
+    energy = scale = size = rounding = energy_rounding = 0.0;
   }
   void add(int node, const Vec3<double>& force) {
     sum[node] += force;
