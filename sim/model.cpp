@@ -56,6 +56,12 @@ void check_topology(std::span<const Vec3<double>> points, std::span<const Tet> t
       }
       used[v] = 1;
     }
+    Tet sorted = tet;
+    std::ranges::sort(sorted);
+    if (std::ranges::adjacent_find(sorted) != sorted.end()) {
+      throw Refusal(Cause::mesh, "tetrahedron " + std::to_string(&tet - tets.data()),
+                    "names a vertex twice", "four different vertices", "make the mesh anew");
+    }
   }
   const auto stray = std::count(used.begin(), used.end(), 0);
   if (stray > 0) {

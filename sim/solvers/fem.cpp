@@ -200,7 +200,7 @@ class FemSolver final : public Solver {
     return memory;
   }
 
-  // Without a past: the first step is short and of first order.
+  // Without a past: the first step is short, and what went before is assumed.
   void begin_anew() {
     last_.assign(u_.size(), {});
     last_s_ = 0.0;
@@ -210,15 +210,16 @@ class FemSolver final : public Solver {
   void take_stiffness(const Model& model) {
     elastic_ = node_stiffness(model, mesh_);
     take_inertia(program_.dt);
-    penalty_ = times(penalty_factor, stiffness_);
   }
-  // That of a step over whose time forces act for so long, s.
+  // That of a step over whose time forces act for so long, s, and contact's penalty with it: with
+  // the penalty of a longer step, multipliers would take many rounds.
   void take_inertia(double acts) {
     const double share = is_static(options_) ? 0.0 : 1.0 / (acts * acts);
     for (std::size_t i = 0; i < stiffness_.size(); ++i) {
       stiffness_[i] =
           elastic_[i] + share * mesh_.mass.coeff(static_cast<int>(i), static_cast<int>(i));
     }
+    penalty_ = times(penalty_factor, stiffness_);
   }
 
   template <class Effect>
@@ -268,10 +269,10 @@ class FemSolver final : public Solver {
   // A step of h seconds that ends at `time`. Where it has no solution, or where it `may_fail` and
   // its error is too large, all is as before.
   Attempt try_step(double h, double time, bool may_fail) {
-    const bool has_past = is_smooth_ && last_s_ > 0.0;
-    const auto rule = has_past ? TimeRule<double>::after(h, last_s_) : TimeRule<double>::of(h, 1);
-    take_inertia(rule.acts);
     const NodeField acceleration = accelerations();
+    if (is_smooth_ && last_s_ == 0.0) assume_past(h, acceleration);
+    const auto rule = is_smooth_ ? TimeRule<double>::after(h, last_s_) : TimeRule<double>::of(h, 1);
+    take_inertia(rule.acts);
     NodeField u(u_.size()), v(u_.size()), d(u_.size());
     for (std::size_t i = 0; i < u.size(); ++i) {
       u[i] = rule.place(u_[i], last_[i]), v[i] = rule.velocity(v_[i], last_[i]);
@@ -281,7 +282,7 @@ class FemSolver final : public Solver {
     for (const auto& term : terms_) term->begin_step(fields);
     d = best_start(fields, d, v, acceleration);
     Attempt attempt{newton_.solve(fields, d, moves(time, 1.0))};
-    if (attempt.problem.empty() && has_past) attempt.error = step_error(fields, rule);
+    if (attempt.problem.empty() && is_smooth_) attempt.error = step_error(fields, rule);
     if (!attempt.problem.empty() || (may_fail && attempt.error > 1.0)) {
       for (const auto& term : terms_) term->undo_step();
       return attempt;
@@ -289,6 +290,16 @@ class FemSolver final : public Solver {
     end_step(fields, rule);
     last_s_ = h;
     return attempt;
+  }
+
+  // What a step of h seconds has added that the forces from outside alone explain.
+  void assume_past(double h, const NodeField& acceleration) {
+    for (std::size_t i = 0; i < u_.size(); ++i) {
+      if (!system_.is_free(static_cast<int>(i))) continue;
+      const Vec3<double>& a = acceleration[i];
+      last_[i] = {h * v_[i] - (0.5 * h * h) * a, h * a};
+    }
+    last_s_ = h;
   }
 
   void end_step(const FemFields& fields, const TimeRule<double>& rule) {

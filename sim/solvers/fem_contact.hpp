@@ -8,8 +8,9 @@
 //
 // s and q are the multipliers over k and h, so f is exact at convergence whatever these are: no
 // penetration, no creep of what sticks, and |f| = mu f_n of what slides (Alart and Curnier 1991;
-// Simo and Laursen 1992). b is the normal multiplier that bounds friction. It stays over a solve,
-// so that a solve has a convex potential: k c^2 / 2, and h (|taken| |w + q| - |taken|^2 / 2). After
+// Simo and Laursen 1992). Multipliers are kept as forces, since k changes with the step's length.
+// b is the normal multiplier over k that bounds friction. It stays over a solve, so that a solve
+// has a convex potential: k c^2 / 2, and h (|taken| |w + q| - |taken|^2 / 2). After
 // it, b follows s: all of the way, or as far as the solver lets it where that goes round in circles
 // (fem_newton.cpp).
 #pragma once
@@ -81,14 +82,15 @@ class ContactTerm final : public FemTerm {
     for (int i = 0; i < static_cast<int>(rest_.size()); ++i) {
       if (!free_[i]) continue;
       Multipliers& m = now_[i];
-      const Vec3<double> normal = push(fields, i), lag = normal - m.cone;
-      sum.normal += penalty_[i] * norm(normal);
-      sum.lag += penalty_[i] * norm(lag);
-      sum.change += penalty_[i] * norm(normal - m.normal);
+      const Vec3<double> normal = penalty_[i] * push(fields, i), lag = normal - m.cone;
+      sum.normal += norm(normal);
+      sum.lag += norm(lag);
+      sum.change += norm(normal - m.normal);
       m.normal = normal;
       m.cone = follow == 1.0 ? normal : m.cone + follow * lag;
-      const Vec3<double> slip = touches(m.cone) ? friction(fields, i).taken : Vec3<double>{};
-      sum.change += hold(i) * norm(slip - m.slip);
+      Vec3<double> slip;
+      if (touches(m.cone)) slip = hold(i) * friction(fields, i).taken;
+      sum.change += norm(slip - m.slip);
       m.slip = slip;
     }
     return sum;
@@ -100,7 +102,7 @@ class ContactTerm final : public FemTerm {
     for (std::size_t i = 0; i < rest_.size(); ++i) {
       if (!touches(now_[i].normal)) continue;
       Vec3<double> d = fields.d[i];
-      Effect::rub(device_, fields.step, no_friction * now_[i].normal, before[i], d);
+      Effect::rub(device_, fields.step, (no_friction / penalty_[i]) * now_[i].normal, before[i], d);
       velocity[i] += (1.0 / fields.step.dt) * (d - fields.d[i]);
     }
   }
@@ -127,13 +129,14 @@ class ContactTerm final : public FemTerm {
   }
 
  private:
-  struct Multipliers {  // over k, m
+  struct Multipliers {  // N
     Vec3<double> normal, slip;
     Vec3<double> cone = {};  // the normal multiplier that bounds friction
   };
 
   Vec3<double> push(const FemFields& fields, int i) const {
-    return Effect::push(device_, fields.step, rest_[i], fields.u[i], fields.d[i] - now_[i].normal);
+    return Effect::push(device_, fields.step, rest_[i], fields.u[i],
+                        fields.d[i] - (1.0 / penalty_[i]) * now_[i].normal);
   }
   double hold(int i) const { return penalty_[i] / softer; }
 
@@ -142,10 +145,12 @@ class ContactTerm final : public FemTerm {
   };
   Friction friction(const FemFields& fields, int i) const {
     constexpr double boundless = 1e12;
+    const Vec3<double> cone = (1.0 / penalty_[i]) * now_[i].cone,
+                       start = fields.d[i] + (1.0 / hold(i)) * now_[i].slip;
     const auto taken = [&](double factor) {
-      Vec3<double> left = fields.d[i] + now_[i].slip;
-      Effect::rub(device_, fields.step, factor * now_[i].cone, {}, left);
-      return fields.d[i] + now_[i].slip - left;
+      Vec3<double> left = start;
+      Effect::rub(device_, fields.step, factor * cone, {}, left);
+      return start - left;
     };
     return {taken(boundless), taken(softer)};
   }

@@ -14,8 +14,8 @@
 // obstacle stops: along a stop the step is of first order (time_rule.hpp). It may be `share` of
 // how far the body goes in the step, with a floor for bodies that come to rest: a body that is
 // slower than `slow` of its size a second needs no shorter steps than at that speed. A run without
-// a past begins with the shortest step, to first order; the steps after it may each be twice as
-// long.
+// a past begins with the shortest step, as if the forces from outside alone had acted before; the
+// steps after it may each be twice as long.
 #pragma once
 
 #include <algorithm>

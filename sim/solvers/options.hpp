@@ -26,7 +26,7 @@ enum class Scheme {
 struct FemOptions {
   enum class Time { implicit_euler, bdf2, quasi_static };
   enum class Linear { cholesky, pcg };
-  Time time = Time::implicit_euler;
+  Time time = Time::bdf2;
   Linear linear = Linear::cholesky;
   double tolerance = 1e-8;  // residual force over the sum of the forces' magnitudes
   int max_iterations = 100;

@@ -24,7 +24,11 @@ inline const std::vector<KnownMiss> known_misses = [] {
       // bar is five times as long, which the check at rest cannot see.
       {"twist 720° and stretch ×5, release", "xpbd gauss_seidel", "", 5.4},
       {"twist 720° and stretch ×5, release", "tled", "", unbounded},
-      {"twist 720° and stretch ×5, release", "fem", "", 3.34},
+      {"twist 720° and stretch ×5, release", "fem", "", 1.9},
+      // Jacobi lowers what an element does by its factor `split`: more is left where κ is large.
+      {"ν 0.499", "xpbd jacobi, split 4", "", 1.9},
+      {"ν 0.4999", "xpbd jacobi, split 4", "", 2.14},
+      {"ν 0.49999", "xpbd jacobi, split 4", "", 2.18},
       // At the Cs limit one iteration a substep is not converged where stiff and heavy parts meet.
       // (1.33 in blocks while viscosity held the body up at rest, which hid a tenth of it).
       {"stiffness jump 1e2", "xpbd block_gauss_seidel", "", 1.46},
@@ -47,22 +51,9 @@ inline const std::vector<KnownMiss> known_misses = [] {
       {"1/30 s with one substep, policy refuse", "pbd", "fp64", 1490},
       {"1/30 s with one substep, policy substeps", "pbd", "fp32", 1560},
       {"1/30 s with one substep, policy substeps", "pbd", "fp64", 1490},
-      // Backward Euler, which blocks and FEM keep, damps the impact: at 77 substeps a frame XPBD
-      // gave back 67.2 mm of 79.2, at 256 75.0, at 1,024 78.1; FEM at its two steps a frame next to
-      // nothing, at 64 58.7 of the 72.8 mm of a ball of 384 tets.
+      // Backward Euler, which blocks keep, damps the impact: at 77 substeps a frame XPBD gave back
+      // 67.2 mm of 79.2, at 256 75.0, at 1,024 78.1.
       {"rebound of a ball of 50 kPa from 100 mm", "xpbd block_gauss_seidel", "", 4.55},
-      {"rebound of a ball of 50 kPa from 100 mm", "fem", "", 33.3},
-      // Newton stops at a saddle, at round-off of the residual, or in contact, and says so.
-      {"mirror", "fem", "", 1.71e6},
-      {"random scramble, 20 seeds, ν 0.3", "fem", "", 1},
-      {"stiffness jump 1e4", "fem", "", 1},
-      {"stiffness jump 1e6", "fem", "", 1},
-      {"crush at E 500 Pa, 10 g, then free", "fem", "", 1},
-      // Nothing to judge them by: whether Newton's reference stops short hangs on the BLAS.
-      {"stiffness jump 1e6", "xpbd gauss_seidel", "", 1},
-      {"stiffness jump 1e6", "xpbd block_gauss_seidel", "", 1},
-      {"stiffness jump 1e6", "xpbd jacobi, split 4", "", 1},
-      {"stiffness jump 1e6", "tled", "", 1},
   };
 }();
 
