@@ -69,8 +69,13 @@ cohort: programs ## the cases of COHORT through Snakemake, here or by COHORT_PRO
 	@snakemake --snakefile pipeline/cohort/Snakefile --profile $(COHORT_PROFILE) \
 	  --config spec=$(COHORT) $(COHORT_CONFIG)
 
-test: build ## every test; those that need what is absent say that they were skipped
-	@ctest --test-dir build --output-on-failure -j $(JOBS)
+test: build ## every test; at the end why tests were skipped, and how many
+	@JOBS=$(JOBS) .ci/tests
+
+# test-gpu is below: it fails without a device.
+TEST_KINDS = unit property verification hard cli web
+$(TEST_KINDS:%=test-%): test-%: build ## those of one kind: unit property verification hard cli web
+	@JOBS=$(JOBS) .ci/tests -L '^$*$$'
 
 # The demo's stages by hand, each on the files of the one before, with the settings of
 # configs/demo.yaml. A missing input is made first.
@@ -156,8 +161,8 @@ bench-pipeline: build ## the engine's own cost, and BENCH_KILLS kills, full disk
 # ThreadSanitizer sees every pair of threads in the tests of equal bits; the rest has one thread.
 # AddressSanitizer is spared the seconds of motion that run the same code again and again.
 sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
-	@cmake --preset asan >/dev/null && ninja -C build/asan -j $(JOBS) test_contract test_sim
-	@ctest --test-dir build/asan -L unit -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|^StiffBar.*Newton|^SweepError|AllAgreeOnABar' \
+	@cmake --preset asan >/dev/null && ninja -C build/asan -j $(JOBS) test_contract test_engine test_sim test_properties
+	@ctest --test-dir build/asan -L 'unit|property' -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|^StiffBar.*Newton|^SweepError|AllAgreeOnABar' \
 	  --output-on-failure -j $(JOBS)
 	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
 	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <string>
 
 namespace viscera {
@@ -21,7 +22,16 @@ inline bool must_have_packages() {
   return std::getenv("VISCERA_REQUIRE_PACKAGES") != nullptr;
 }
 
+// Segmentations of patients, which do not come with the project: their folder lies beside it.
+inline std::filesystem::path patient_volume(const std::string& name) {
+  return std::filesystem::path("../shared/data") / name;
+}
+
 }  // namespace viscera
+
+// Skips the test where a patient's volume is not here; a clone has none.
+#define VISCERA_NEEDS_VOLUME(file) \
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << "the segmentations of patients are not here"
 
 // Skips the test unless `condition` holds, and says what is missing; fails it where
 // VISCERA_REQUIRE_PACKAGES is set.

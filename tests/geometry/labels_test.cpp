@@ -10,6 +10,7 @@
 #include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"
 #include "stages/labels/stage.hpp"
+#include "tests/common/needs.hpp"
 #include "tests/geometry/shapes.hpp"
 #include "tests/images/image_bytes.hpp"
 
@@ -344,8 +345,8 @@ TEST(Clean, ABodyThatHangsOnAThinBridgeIsReportedWithItsPlaceAndSize) {
 }
 
 TEST_F(Labels, ARealLiverThatTheScanCutsIsNamedWithItsSideAndShare) {
-  const fs::path volume = "../shared/data/lits_liver_28.nii.gz";
-  if (!fs::exists(volume)) GTEST_SKIP() << volume << " is not here";
+  const fs::path volume = patient_volume("lits_liver_28.nii.gz");
+  VISCERA_NEEDS_VOLUME(volume);
   const auto outcome = run(volume, {"labels={liver: 1, tumour: 2}"});
   EXPECT_EQ(outcome.code, static_cast<int>(ExitCode::gate_failed));
   EXPECT_NE(outcome.log.find("where:   superior side of the image, 2.9 % of the body's surface"),
@@ -354,8 +355,8 @@ TEST_F(Labels, ARealLiverThatTheScanCutsIsNamedWithItsSideAndShare) {
 }
 
 TEST_F(Labels, ARealSegmentationBecomesOneBodyWithItsTumours) {
-  const fs::path volume = "../shared/data/lits_pred_liver_27.nii.gz";
-  if (!fs::exists(volume)) GTEST_SKIP() << volume << " is not here";
+  const fs::path volume = patient_volume("lits_pred_liver_27.nii.gz");
+  VISCERA_NEEDS_VOLUME(volume);
   const auto outcome = run(volume, {"labels={liver: 1, tumour: 2}", "border=refuse"});
   ASSERT_EQ(outcome.code, 0) << outcome.log;
   const auto cleaned = read_image(out() / "labels.nrrd").image;

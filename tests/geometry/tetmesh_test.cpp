@@ -5,6 +5,7 @@
 
 #include "stages/common/tet_topology.hpp"
 #include "stages/labels/stage.hpp"
+#include "tests/common/needs.hpp"
 #include "tests/geometry/tetmesh_run.hpp"
 
 namespace viscera {
@@ -117,8 +118,8 @@ TEST_F(Tetmesh, AClosedSurfaceIsFilled) {
 }
 
 TEST_F(Tetmesh, ARealLiverWithItsTumoursBecomesOneSoundMesh) {
-  const fs::path volume = "../shared/data/lits_pred_liver_27.nii.gz";
-  if (!fs::exists(volume)) GTEST_SKIP() << volume << " is not here";
+  const fs::path volume = patient_volume("lits_pred_liver_27.nii.gz");
+  VISCERA_NEEDS_VOLUME(volume);
   const auto labels = testing::run_stage(
       labels_stage(), {"--in", "volume=" + volume.string(), "--set", "labels={liver: 1, tumour: 2}",
                        "--out", (folder_.path() / "labels").string()});
