@@ -85,6 +85,9 @@ std::string text_or(const JsonValue& json, const char* member, const char* other
   return found ? found->text() : otherwise;
 }
 
+// What a time that was kept in single precision is told from another by, as a share.
+constexpr double single_precision = 1e-6;
+
 // Why this point shows nothing of the error of this run; "": it does.
 std::string why_not(const JsonValue& point, const Question& question) {
   const std::string solver = text_or(point["setting"], "solver", "xpbd");
@@ -99,7 +102,7 @@ std::string why_not(const JsonValue& point, const Question& question) {
   if (point["total_doubtful"].flag()) return "error below ten times the doubt of the truth";
   const auto end = point.find("end_s");
   if (!end) return "unknown end";
-  if (std::abs(end->number() - question.end_s) > 1e-9) {
+  if (std::abs(end->number() - question.end_s) > single_precision * question.end_s) {
     return fmt::format("ran to {:g} s and not to {:g} s", end->number(), question.end_s);
   }
   if (exceeds("inverted", 0.0)) return "inverted tets";
@@ -148,14 +151,16 @@ bool is_at_hand(const StageRun& run, const Point& point) {
   return point.device == "cpu" || sim::find_cuda_device().name;
 }
 
-// What to do where no point on this mesh gets there.
-std::string remedy_for(const std::vector<Point>& points, double doubt, double accuracy_mm) {
+// What to do where no point on this mesh gets there: a mesh with one that does, or else
+// `otherwise`.
+std::string remedy_for(const std::vector<Point>& points, double doubt, double accuracy_mm,
+                       const char* otherwise) {
   for (const auto& point : points) {
     if (!point.counts() || *point.total_mm + doubt > accuracy_mm) continue;
     return fmt::format("take the study's mesh of {} tets, on which {} reaches it",
                        point.json["tets"].whole<int>(), point.label);
   }
-  return "ask for less, or run a study with more settings: no mesh of this one reaches it";
+  return otherwise;
 }
 
 // "Cs above 0.6 (xpbd, 16 substeps; xpbd, 8 substeps), diverged (tled, 16 substeps)".
@@ -196,12 +201,16 @@ std::vector<Point> reaching(const StageRun& run, const std::vector<Point>& point
         run, "no point of the study on this mesh and device shows it: " + reasons_of(left_out),
         "a point of this end, with a told error, without inverted tets, within the limits "
         "of Cs and accuracy_limit",
-        remedy_for(points, doubt, accuracy_mm));
+        remedy_for(points, doubt, accuracy_mm,
+                   "run a study with such points, or set solver and substeps instead"));
   }
   const std::string without = left_out.empty() ? "" : "; not counted: " + reasons_of(left_out);
-  throw refused(run, fmt::format("{:g} mm is not reached on this mesh{}", accuracy_mm, without),
-                fmt::format("{:.3g} mm or more: {}", *nearest->total_mm + doubt, nearest->label),
-                remedy_for(points, doubt, accuracy_mm));
+  throw refused(
+      run, fmt::format("{:g} mm is not reached on this mesh{}", accuracy_mm, without),
+      fmt::format("{:.3g} mm or more: {}", *nearest->total_mm + doubt, nearest->label),
+      remedy_for(
+          points, doubt, accuracy_mm,
+          "ask for less, or run a study with more settings: no mesh of this one reaches it"));
 }
 
 // "2.48 [2.43 to 5.94] ms a frame", and what may be no dearer.

@@ -229,7 +229,12 @@ TEST_F(Compare, InMotionATruthIsCheckedByOtherTimeStepsToo) {
                                    run("xpbd", 8, 3.0, 2.0, coarse, "c"),
                                    quadratic(2, 1.8, next, "n"), quadratic(2, 1.8, fine, "f")};
   EXPECT_TRUE(scene_of(runs)["body"].is_null());
-  runs.insert(runs.begin(), quadratic(1, 1.3, next, "n"));
+  runs.insert(runs.begin(), quadratic(2, 1.79, next, "n"));
+  runs.front().manifest["params"]["fem_tolerance"] = 1e-3;
+  EXPECT_TRUE(scene_of(runs)["body"].is_null()) << "a tolerance is no step";
+  runs.front() = quadratic(4, 1.8, next, "n");
+  EXPECT_TRUE(scene_of(runs)["body"].is_null()) << "the same motion checks nothing";
+  runs.front() = quadratic(1, 1.3, next, "n");
   const Json scene = scene_of(runs);
   EXPECT_NEAR(scene["body"]["agreement_mm"].get<double>(), 0.5 * height(next) / 100.0, 2e-3);
   EXPECT_TRUE(scene["points"][0]["total_doubtful"].get<bool>());

@@ -17,14 +17,20 @@ namespace {
 
 using Runs = std::vector<const ComparedRun*>;
 
+// What a run changed of its scene's file.
+Json change_of(const ComparedRun& run) {
+  return run.manifest["params"].value("change", Json::object());
+}
+
 // What a scene's file, its changes, a start and a measured stiffness make one problem; settings and
 // meshes are ways to solve it.
-std::string problem_of(const ComparedRun& run, const std::string& change) {
-  return run.input("scene") + "|" + run.input("checkpoint") + "|" + run.input("stiffness") + change;
+std::string problem_of(const ComparedRun& run, const Json& change) {
+  return run.input("scene") + "|" + run.input("checkpoint") + "|" + run.input("stiffness") + "|" +
+         change.dump();
 }
 
 std::string problem_of(const ComparedRun& run) {
-  return problem_of(run, run.param("change"));
+  return problem_of(run, change_of(run));
 }
 
 Json number(double value) {
@@ -67,6 +73,11 @@ double energy_rise(const ComparedRun& run) {
     elastic = std::max(elastic, parts[f].get<double>());
   }
   return elastic > 0.0 ? rise / elastic : 0.0;
+}
+
+// The digest of its trajectory.
+Json motion_of(const ComparedRun& run) {
+  return run.manifest["outputs"][0]["sha256"];
 }
 
 // Of the body rather than of its mesh: what linear tets err by is not in it.
@@ -131,7 +142,7 @@ class SceneStudy {
               {"scene_sha256", finest_->input("scene")},
               {"checkpoint_sha256", text(finest_->input("checkpoint"))},
               {"stiffness_sha256", text(finest_->input("stiffness"))},
-              {"change", finest_->manifest["params"]["change"]},
+              {"change", change_of(*finest_)},
               {"span", span_ == Span::end ? "end" : "history"},
               {"cost", span_ == Span::end ? "ms until it rests" : "ms a frame"},
               {"size_mm", number(size_mm_)},
@@ -175,7 +186,7 @@ class SceneStudy {
     const ComparedRun &truth = *all[count - 1], &check = *all[count - 2];
     double steps_mm = 0.0;
     if (span_ == Span::history) {
-      steps_mm = std::min(agreement_of(quadratic_, truth), agreement_of(quadratic_, check));
+      steps_mm = std::min(steps_agreement_of(truth), steps_agreement_of(check));
       if (std::isinf(steps_mm)) {
         why_no_body_ = "no reference of quadratic tets with other time steps checks theirs";
         return;
@@ -214,6 +225,21 @@ class SceneStudy {
     const auto [known, is_new] = agreements_.emplace(runs.back(), 0.0);
     if (is_new) known->second = apart(*runs[runs.size() - 2], *runs.back());
     return known->second;
+  }
+
+  // By how much this reference of quadratic tets and one with other time steps differ; infinite:
+  // there is none. One whose motion is the same bits took the same steps.
+  double steps_agreement_of(const ComparedRun& reference) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const auto* other : quadratic_[reference.input("mesh")]) {
+      const auto differs = [&](const char* step) {
+        return setting_of(*other)[step] != setting_of(reference)[step];
+      };
+      if (!differs("substeps") && !differs("fem_time") && !differs("fem_step_error")) continue;
+      if (motion_of(*other) == motion_of(reference)) continue;
+      least = std::min(least, apart(*other, reference));
+    }
+    return least;
   }
 
   // Of a motion none where the reference was to end before the run: what comes after is not known.
@@ -302,9 +328,7 @@ class SceneStudy {
     if (span_ == Span::end && !run.metric("rest_time")) return "not at rest in time";
     if (solver_mm > size_mm_ || total_mm > size_mm_) return "farther off than the body moves";
     for (const auto* other : equal) {
-      if (other->manifest["outputs"][0]["sha256"] != run.manifest["outputs"][0]["sha256"]) {
-        return "equal runs differ";
-      }
+      if (motion_of(*other) != motion_of(run)) return "equal runs differ";
     }
     return "";
   }
@@ -347,8 +371,8 @@ class SceneStudy {
 Json effects_of(const std::map<std::string, Runs>& problems, DistanceBetween& distance) {
   Json list = Json::array();
   for (const auto& [key, changed] : problems) {
-    const Json& change = changed.front()->manifest["params"]["change"];
-    const auto plain = problems.find(problem_of(*changed.front(), "{}"));
+    const Json change = change_of(*changed.front());
+    const auto plain = problems.find(problem_of(*changed.front(), Json::object()));
     if (change.empty() || plain == problems.end()) continue;
     const auto group = [](const Runs& runs, const ComparedRun& like) {
       Runs equal;
