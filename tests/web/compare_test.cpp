@@ -187,6 +187,20 @@ TEST_F(Compare, NoMeshOfLinearTetsIsATruth) {
       << scene["sentences"][1];
 }
 
+TEST_F(Compare, AnEquilibriumOfLinearTetsIsNoTruthEither) {
+  const TetMesh coarse = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("fem", 1, 2.0, 9, coarse, "c"),
+                                   run("fem", 1, 2.2, 9, sample_mesh(3), "n"),
+                                   run("fem", 1, 2.25, 9, sample_mesh(4), "f")};
+  for (auto& one : runs) one.manifest["params"]["fem_time"] = "quasi_static";
+  runs.push_back(run("xpbd", 8, 3.0, 2.0, coarse, "c"));
+  const StudyOptions options{.references = {{{"solver", "fem"}}}, .wanted_mm = {1.0}};
+  const Json scene = study_of(runs, options)["scenes"].at(0);
+  EXPECT_EQ(scene["span"], "end");
+  EXPECT_TRUE(scene["body"].is_null());
+  EXPECT_TRUE(scene["points"][0]["total_mm"].is_null());
+}
+
 TEST_F(Compare, QuadraticTetsOnOneMeshAreNoTruth) {
   const TetMesh coarse = sample_mesh(2), fine = sample_mesh(4);
   const Json scene =
@@ -229,6 +243,8 @@ TEST_F(Compare, InMotionATruthIsCheckedByOtherTimeStepsToo) {
                                    run("xpbd", 8, 3.0, 2.0, coarse, "c"),
                                    quadratic(2, 1.8, next, "n"), quadratic(2, 1.8, fine, "f")};
   EXPECT_TRUE(scene_of(runs)["body"].is_null());
+  EXPECT_NE(scene_of(runs)["no_body"].get<std::string>().find("other time steps"),
+            std::string::npos);
   runs.insert(runs.begin(), quadratic(2, 1.79, next, "n"));
   runs.front().manifest["params"]["fem_tolerance"] = 1e-3;
   EXPECT_TRUE(scene_of(runs)["body"].is_null()) << "a tolerance is no step";
