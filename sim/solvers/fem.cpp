@@ -132,21 +132,10 @@ class FemSolver final : public Solver {
     return state;
   }
   void set_state(const State& state) override {
-    const bool is_own = state.memory.size() == this->state().memory.size() &&
-                        state.added_u.size() == state.u.size();
+    const bool has_past = knows_past(state);
     std::span<const double> memory = take_nodes(state, u_, v_);
     begin_anew();
-    if (is_smooth_ && is_own) {
-      const auto n = static_cast<std::size_t>(vertex_count());
-      for (std::size_t i = 0; i < n; ++i) last_[i] = {state.added_u[i], state.added_v[i]};
-      for (std::size_t i = n; i < last_.size(); ++i) {
-        last_[i].u = take_vector(memory);
-        last_[i].v = take_vector(memory);
-      }
-      last_s_ = memory[0];
-      length_ = StepLength(static_cast<int>(std::clamp(memory[1], 1.0, double{StepLength::parts})));
-      memory = memory.subspan(2);
-    }
+    if (has_past) take_past(state, memory);
     for (const auto& term : terms_) term->load_memory(memory);
     step_ = state.step;
   }
@@ -198,6 +187,30 @@ class FemSolver final : public Solver {
       }
     }
     return memory;
+  }
+
+  // What the last step has added to midside nodes, its length and that of the next.
+  std::size_t past_size() const {
+    return 6 * (u_.size() - static_cast<std::size_t>(vertex_count())) + 2;
+  }
+  // Whether a state is of these elements and of steps of second order.
+  bool knows_past(const State& state) const {
+    const std::size_t own = this->state().memory.size() - (is_smooth_ ? past_size() : 0);
+    return state.memory.size() == own + past_size() && state.added_u.size() == state.u.size();
+  }
+  // From the front of the memory. Steps of first order, and equilibria, do not need it.
+  void take_past(const State& state, std::span<const double>& memory) {
+    std::span<const double> past = memory.first(past_size());
+    memory = memory.subspan(past_size());
+    if (!is_smooth_) return;
+    const auto n = static_cast<std::size_t>(vertex_count());
+    for (std::size_t i = 0; i < n; ++i) last_[i] = {state.added_u[i], state.added_v[i]};
+    for (std::size_t i = n; i < last_.size(); ++i) {
+      last_[i].u = take_vector(past);
+      last_[i].v = take_vector(past);
+    }
+    last_s_ = past[0];
+    length_ = StepLength(static_cast<int>(std::clamp(past[1], 1.0, double{StepLength::parts})));
   }
 
   // Without a past: the first step is short, and what went before is assumed.
@@ -269,10 +282,10 @@ class FemSolver final : public Solver {
   // A step of h seconds that ends at `time`. Where it has no solution, or where it `may_fail` and
   // its error is too large, all is as before.
   Attempt try_step(double h, double time, bool may_fail) {
-    const NodeField acceleration = accelerations();
-    if (is_smooth_ && last_s_ == 0.0) assume_past(h, acceleration);
+    if (is_smooth_ && last_s_ == 0.0) assume_past(h);
     const auto rule = is_smooth_ ? TimeRule<double>::after(h, last_s_) : TimeRule<double>::of(h, 1);
     take_inertia(rule.acts);
+    const NodeField acceleration = accelerations();
     NodeField u(u_.size()), v(u_.size()), d(u_.size());
     for (std::size_t i = 0; i < u.size(); ++i) {
       u[i] = rule.place(u_[i], last_[i]), v[i] = rule.velocity(v_[i], last_[i]);
@@ -293,11 +306,18 @@ class FemSolver final : public Solver {
   }
 
   // What a step of h seconds has added that the forces from outside alone explain.
-  void assume_past(double h, const NodeField& acceleration) {
+  void assume_past(double h) {
+    const auto n = vertex_count();
+    const auto added =
+        program_.added_before({{u_.begin(), u_.begin() + n}, {v_.begin(), v_.begin() + n}});
+    NodeField acceleration(program_.rest.size());
+    for (std::size_t i = 0; i < acceleration.size(); ++i) {
+      acceleration[i] = (1.0 / program_.dt) * added[i].v;
+    }
+    acceleration = mesh_.on_nodes(std::move(acceleration));
     for (std::size_t i = 0; i < u_.size(); ++i) {
       if (!system_.is_free(static_cast<int>(i))) continue;
-      const Vec3<double>& a = acceleration[i];
-      last_[i] = {h * v_[i] - (0.5 * h * h) * a, h * a};
+      last_[i] = {h * v_[i] - (0.5 * h * h) * acceleration[i], h * acceleration[i]};
     }
     last_s_ = h;
   }
