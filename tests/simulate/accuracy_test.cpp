@@ -14,21 +14,29 @@ class Accuracy : public Simulate {
             {"mesh_sha256", input_digest(path("mesh.vtu")).sha256},
             {"ms", {ms, ms, ms}},
             {"total_mm", mm},
+            {"total_doubtful", false},
+            {"end_s", 0.05},
+            {"inverted", 0},
             {"failed", ""}};
   }
-  // A study of drop_scene on this mesh, sure of the body to 0.06 mm by a check on another mesh and
-  // to 0.04 mm by one of coarser steps.
-  void write_study(const Json& points, Json checked = 0.06, Json stepped = 0.04) {
-    write_atomically(path("scene.yaml"), drop_scene);
-    const Json coarse = {{"discretisation_mm", 0.3}, {"agreement_mm", 9.0}};
-    const Json finest = {{"discretisation_mm", nullptr}, {"agreement_mm", stepped}};
-    const Json scene = {{"scene_sha256", input_digest(path("scene.yaml")).sha256},
-                        {"change", Json::object()},
-                        {"cost", "ms a frame"},
-                        {"body", {{"agreement_mm", checked}}},
-                        {"meshes", {coarse, finest}},
-                        {"points", points}};
+  // A study of drop_scene on this mesh, of runs to 0.05 s, sure of the body to 0.1 mm.
+  void write_study(const Json& points, const Json& of_scene = Json::object()) {
+    write_scene(drop_scene);
+    Json scene = {{"scene_sha256", input_digest(path("scene.yaml")).sha256},
+                  {"change", Json::object()},
+                  {"cost", "ms a frame"},
+                  {"body", {{"agreement_mm", 0.1}}},
+                  {"points", points}};
+    scene.update(of_scene);
     write_atomically(path("study.json"), Json{{"study", {{"scenes", {scene}}}}}.dump());
+  }
+  void write_scene(const std::string& text) { write_atomically(path("scene.yaml"), text); }
+  // Whether this run is refused with these words.
+  bool refuses(const std::string& words, const std::vector<std::string>& extra = {}) {
+    const int code = run_with("5mm", extra);
+    EXPECT_EQ(code, 3) << errors;
+    EXPECT_NE(errors.find(words), std::string::npos) << errors;
+    return code == 3 && errors.find(words) != std::string::npos;
   }
   int run_with(const std::string& accuracy, std::vector<std::string> extra = {}) {
     extra.insert(extra.end(), {"--set", "accuracy=" + accuracy, "--set", "end=0.05s", "--in",
@@ -64,15 +72,80 @@ TEST_F(Accuracy, IsRefusedWhenNoneReachesItNamingTheNearest) {
   EXPECT_EQ(run_with("0.2mm"), 3);
   EXPECT_NE(errors.find("0.2 mm is not reached"), std::string::npos) << errors;
   EXPECT_NE(errors.find("0.4 mm or more: tled"), std::string::npos) << errors;
-  EXPECT_NE(errors.find("no mesh of the study reaches it"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("no mesh of this one reaches it"), std::string::npos) << errors;
   EXPECT_FALSE(fs::exists(path("out") / "manifest.json"));
 }
 
-TEST_F(Accuracy, IsRefusedWhereNobodyKnowsHowSureTheStudyIs) {
-  write_study(Json::array({point("tled", 48, 3.0, 0.3)}), nullptr, nullptr);
-  EXPECT_EQ(run_with("5mm"), 3);
-  write_study(Json::array({point("tled", 48, 3.0, 0.3)}), nullptr, 0.04);
-  EXPECT_EQ(run_with("0.35mm"), 0) << errors;
+TEST_F(Accuracy, IsRefusedWhereTheStudyKnowsTheSolversErrorOnly) {
+  write_study(Json::array({point("tled", 48, 3.0, 0.3)}),
+              {{"body", nullptr}, {"no_body", "one mesh was used"}});
+  EXPECT_TRUE(
+      refuses("the study knows the solver's error only, not the mesh's: one mesh was used"));
+  auto own = point("tled", 48, 3.0, 0.3);
+  own["total_mm"] = nullptr;
+  write_study(Json::array({own}));
+  EXPECT_TRUE(refuses("no truth on a finer mesh (tled)"));
+}
+
+TEST_F(Accuracy, IsRefusedForACheckpointAStiffnessOrAnEndThatTheStudyDidNotHave) {
+  write_study(Json::array({point("tled", 48, 3.0, 0.3)}));
+  write_atomically(path("start.h5"), "a start");
+  for (const char* role : {"checkpoint", "stiffness"}) {
+    EXPECT_TRUE(
+        refuses(std::string("a ") + role + ", which the study's runs of this scene did not have",
+                {"--in", std::string(role) + "=" + path("start.h5").string()}));
+    const std::string member = std::string(role) + "_sha256";
+    write_study(Json::array({point("tled", 48, 3.0, 0.3)}), {{member, "another"}});
+    EXPECT_TRUE(refuses(std::string("no ") + role));
+    EXPECT_TRUE(refuses(std::string("another ") + role,
+                        {"--in", std::string(role) + "=" + path("start.h5").string()}));
+    write_study(Json::array({point("tled", 48, 3.0, 0.3)}));
+  }
+  auto shorter = point("tled", 48, 3.0, 0.3);
+  shorter["end_s"] = 0.025;
+  write_study(Json::array({shorter}));
+  EXPECT_TRUE(refuses("ran to 0.025 s and not to 0.05 s (tled)"));
+  shorter["end_s"] = 0.05 * (1.0 + 1e-7);  // scene.json has times of single precision
+  write_study(Json::array({shorter}));
+  EXPECT_EQ(run_with("5mm"), 0) << errors;
+  EXPECT_EQ(
+      run(drop_scene, {"--set", "accuracy=5mm", "--in", "study=" + path("study.json").string()}),
+      3);
+  EXPECT_NE(errors.find("not to 4 s (tled)"), std::string::npos) << "the scene's own: " << errors;
+}
+
+TEST_F(Accuracy, APointThatMayNotBeTrustedIsNotTakenAndTheReasonIsSaid) {
+  const auto with = [this](const char* member, const Json& value) {
+    auto cheapest = point("xpbd", 16, 1.0, 0.01);
+    cheapest[member] = value;
+    write_study({cheapest, point("tled", 48, 3.0, 0.3)});
+    ASSERT_EQ(run_with("0.5mm"), 0) << errors;
+    EXPECT_EQ(metric("accuracy_setting"), "tled") << member;
+    write_study(Json::array({cheapest}));
+  };
+  with("inverted", 1);
+  EXPECT_TRUE(refuses("inverted tets (xpbd)"));
+  with("total_doubtful", true);
+  EXPECT_TRUE(refuses("error below ten times the doubt of the truth (xpbd)"));
+  with("cs", 0.61);
+  EXPECT_TRUE(refuses("Cs above 0.6 (xpbd)"));
+  auto within = point("xpbd", 40, 1.0, 0.01);
+  within["cs"] = 0.6, within["solver_error_bound"] = 0.5;
+  write_study(Json::array({within}));
+  EXPECT_EQ(run_with("0.5mm"), 0) << "the scene has no accuracy_limit: " << errors;
+}
+
+TEST_F(Accuracy, APointWhosePredictedErrorIsAboveTheScenesLimitIsNotTaken) {
+  const std::string limited = std::string(drop_scene) + "accuracy_limit: 1 %\n";
+  auto point_of_limited = point("xpbd", 40, 1.0, 0.01);
+  point_of_limited["solver_error_bound"] = 0.02;
+  write_scene(limited);
+  const std::string sha256 = input_digest(path("scene.yaml")).sha256;
+  write_study(Json::array({point_of_limited}), {{"scene_sha256", sha256}});
+  EXPECT_EQ(run(limited, {"--set", "accuracy=5mm", "--set", "end=0.05s", "--in",
+                          "study=" + path("study.json").string()}),
+            3);
+  EXPECT_NE(errors.find("accuracy_limit of 1 % (xpbd)"), std::string::npos) << errors;
 }
 
 TEST_F(Accuracy, TheLogSaysTheIntervalAndWhatMayBeNoDearer) {

@@ -31,7 +31,7 @@ class CompareWeb : public testing::Test {
     }
     const std::string command = fmt::format(
         "'{}' --quiet --out '{}' {} --set 'cases=[{}, second]' --set 'methods=[{}, second]' "
-        "--set 'grid=[second]' >/dev/null",
+        "--set 'grid=[second]' --set 'references=[{{precision: fp32}}]' >/dev/null",
         VISCERA_COMPARE, out_.string(), inputs, "<img src=x>", "<img src=x>");
     ASSERT_EQ(std::system(command.c_str()), 0);
   }
@@ -50,6 +50,8 @@ TEST_F(CompareWeb, RunsAreDrawnOverOneAnotherMoveAndFollowTheTheme) {
   EXPECT_NE(document.find("&lt;img src=x&gt;"), std::string::npos) << "names are text";
   EXPECT_EQ(document.find("<img src=\"x\""), std::string::npos);
   EXPECT_NE(document.find("data:image/png;base64"), std::string::npos) << "the figures";
+  EXPECT_NE(document.find("Solver error only: no two meshes"), std::string::npos);
+  EXPECT_NE(document.find("not known: no finer truth"), std::string::npos);
   std::smatch found;
   ASSERT_TRUE(std::regex_search(document, found,
                                 std::regex("data-canvas=\"([0-9]+),([0-9]+),([0-9]+),([0-9]+)\"")));

@@ -68,6 +68,23 @@ class Compare : public testing::Test {
     return one;
   }
 
+  // A run of quadratic tets, which the options below make a reference.
+  ComparedRun quadratic(int substeps, double error, const TetMesh& mesh, const char* mesh_name) {
+    ComparedRun one = run("fem", substeps, error, 99.0, mesh, mesh_name);
+    one.manifest["params"]["fem_order"] = 2;
+    return one;
+  }
+  const StudyOptions options_{
+      .references = {{{"solver", "tled"}}, {{"solver", "fem"}, {"fem_order", 2}}},
+      .wanted_mm = {2.0}};
+
+  // The only scene of a study of these runs.
+  Json scene_of(const std::vector<ComparedRun>& runs) const {
+    const Json study = study_of(runs, options_);
+    EXPECT_EQ(study["scenes"].size(), 1u);
+    return study["scenes"].at(0);
+  }
+
   static double height(const TetMesh& mesh) {
     double most = 0.0;
     for (const auto& p : mesh.points) most = std::max(most, std::abs(p[2]));
@@ -108,15 +125,13 @@ TEST_F(Compare, ARunThatEndsEarlyIsInfinitelyFar) {
 TEST_F(Compare, AStudyPartsTheErrorMarksFailuresAndFindsTheFront) {
   const TetMesh mesh = sample_mesh(3), fine = sample_mesh(6);
   std::vector<ComparedRun> runs = {
-      run("tled", 512, 0.001, 90, mesh, "m"), run("tled", 1024, 0.0, 99, mesh, "m"),
+      run("tled", 512, 0.001, 90, mesh, "m"),   run("tled", 1024, 0.0, 99, mesh, "m"),
       run("tled", 1024, 0.5, 99, fine, "f"),  // the mesh's error
-      run("xpbd", 8, 4.0, 1.0, mesh, "m"),    run("xpbd", 16, 1.0, 2.0, mesh, "m"),
-      run("xpbd", 32, 2.0, 4.0, mesh, "m"),   run("fem", 1, 100.0, 3.0, mesh, "m"),
-      run("xpbd", 64, 0.002, 8.0, mesh, "m")};
-  const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
-  const Json study = study_of(runs, options);
-  ASSERT_EQ(study["scenes"].size(), 1u);
-  const Json& scene = study["scenes"][0];
+      quadratic(1, 0.5005, fine, "f"),          quadratic(2, 0.5, fine, "f"),
+      quadratic(2, 0.501, sample_mesh(5), "n"), run("xpbd", 8, 4.0, 1.0, mesh, "m"),
+      run("xpbd", 16, 1.0, 2.0, mesh, "m"),     run("xpbd", 32, 2.0, 4.0, mesh, "m"),
+      run("fem", 1, 100.0, 3.0, mesh, "m"),     run("xpbd", 64, 0.002, 8.0, mesh, "m")};
+  const Json scene = scene_of(runs);
   ASSERT_EQ(scene["meshes"].size(), 2u);
   const double unit = height(mesh) / 100.0;
   EXPECT_NEAR(scene["meshes"][0]["discretisation_mm"].get<double>(), 0.5 * unit, 1e-3);
@@ -151,45 +166,152 @@ TEST_F(Compare, EqualRunsAreOnePointAndMustBeEqual) {
   EXPECT_EQ(study_of(runs, options)["scenes"][0]["points"][0]["failed"], "equal runs differ");
 }
 
-TEST_F(Compare, TheFinestMeshStandsForTheBodyAndTheNextChecksIt) {
-  const TetMesh coarse = sample_mesh(2), next = sample_mesh(3), fine = sample_mesh(4);
-  std::vector<ComparedRun> runs = {
-      run("tled", 64, 0.0, 9, coarse, "c"), run("xpbd", 8, 3.0, 2.0, coarse, "c"),
-      run("tled", 64, 2.0, 9, next, "n"), run("tled", 64, 2.25, 9, fine, "f")};
-  const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
-  const Json scene = study_of(runs, options)["scenes"][0];
-  const double unit = height(coarse) / 100.0;
-  EXPECT_EQ(scene["body"]["tets"], fine.tets.size());
-  EXPECT_EQ(scene["body"]["check_tets"], next.tets.size());
-  EXPECT_NEAR(scene["body"]["agreement_mm"].get<double>(), 0.25 * height(next) / 100.0, 1e-3);
-  EXPECT_NEAR(scene["points"][0]["total_mm"].get<double>(), 0.75 * unit, 1e-3);
-  EXPECT_TRUE(scene["points"][0]["total_doubtful"].get<bool>());
+// However many meshes have references of linear tets: each has the error of its own mesh.
+TEST_F(Compare, NoMeshOfLinearTetsIsATruth) {
+  const TetMesh coarse = sample_mesh(2), fine = sample_mesh(4);
+  const Json scene =
+      scene_of({run("tled", 64, 0.0, 9, coarse, "c"), run("xpbd", 8, 3.0, 2.0, coarse, "c"),
+                run("tled", 64, 2.0, 9, sample_mesh(3), "n"), run("tled", 64, 2.25, 9, fine, "f"),
+                run("xpbd", 8, 3.0, 2.0, fine, "f")});
+  EXPECT_TRUE(scene["body"].is_null());
+  EXPECT_NE(scene["no_body"], "");
+  for (const Json& mesh : scene["meshes"]) EXPECT_TRUE(mesh["discretisation_mm"].is_null());
+  for (const Json& point : scene["points"]) {
+    EXPECT_TRUE(point["total_mm"].is_null());
+    EXPECT_TRUE(point["total_doubtful"].get<bool>());
+    EXPECT_EQ(point["failed"], "") << "an error that is not known is no failure";
+  }
+  ASSERT_EQ(scene["sentences"].size(), 2u);
+  EXPECT_NE(scene["sentences"][1].get<std::string>().find("hang: solver error only"),
+            std::string::npos)
+      << scene["sentences"][1];
 }
 
-TEST_F(Compare, QuadraticTetsStandForTheBodyAndForNoMesh) {
+TEST_F(Compare, AnEquilibriumOfLinearTetsIsNoTruthEither) {
+  const TetMesh coarse = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("fem", 1, 2.0, 9, coarse, "c"),
+                                   run("fem", 1, 2.2, 9, sample_mesh(3), "n"),
+                                   run("fem", 1, 2.25, 9, sample_mesh(4), "f")};
+  for (auto& one : runs) one.manifest["params"]["fem_time"] = "quasi_static";
+  runs.push_back(run("xpbd", 8, 3.0, 2.0, coarse, "c"));
+  const StudyOptions options{.references = {{{"solver", "fem"}}}, .wanted_mm = {1.0}};
+  const Json scene = study_of(runs, options)["scenes"].at(0);
+  EXPECT_EQ(scene["span"], "end");
+  EXPECT_TRUE(scene["body"].is_null());
+  EXPECT_TRUE(scene["points"][0]["total_mm"].is_null());
+}
+
+TEST_F(Compare, QuadraticTetsOnOneMeshAreNoTruth) {
   const TetMesh coarse = sample_mesh(2), fine = sample_mesh(4);
-  std::vector<ComparedRun> runs = {
-      run("tled", 64, 0.0, 9, coarse, "c"), run("xpbd", 8, 3.0, 2.0, coarse, "c"),
-      run("tled", 64, 2.0, 9, fine, "f"),  // linear tets, finer than the best of the quadratic
-      run("fem", 1, 1.75, 9, coarse, "c"), run("fem", 1, 1.8, 9, sample_mesh(3), "n")};
-  for (int i = 3; i < 5; ++i) runs[i].manifest["params"]["fem_order"] = 2;
-  const StudyOptions options{
-      .references = {{{"solver", "tled"}}, {{"solver", "fem"}, {"fem_order", 2}}},
-      .wanted_mm = {2.0}};
-  const Json scene = study_of(runs, options)["scenes"][0];
+  const Json scene =
+      scene_of({run("tled", 64, 0.0, 9, coarse, "c"), run("xpbd", 8, 3.0, 2.0, coarse, "c"),
+                quadratic(1, 2.01, fine, "f"), quadratic(2, 2.0, fine, "f")});
+  EXPECT_TRUE(scene["body"].is_null());
+  EXPECT_TRUE(scene["points"][0]["total_mm"].is_null());
+}
+
+TEST_F(Compare, QuadraticTetsAreTheTruthOfCoarserMeshesOnly) {
+  const TetMesh coarse = sample_mesh(2), fine = sample_mesh(4);
+  const Json scene =
+      scene_of({run("tled", 64, 0.0, 9, coarse, "c"), run("xpbd", 8, 3.0, 2.0, coarse, "c"),
+                run("tled", 64, 2.0, 9, fine, "f"),  // finer than the quadratic tets
+                run("xpbd", 8, 3.0, 2.0, fine, "f"), run("xpbd", 8, 3.0, 2.0, sample_mesh(3), "n"),
+                quadratic(1, 1.75, coarse, "c"), quadratic(1, 1.81, sample_mesh(3), "n"),
+                quadratic(2, 1.8, sample_mesh(3), "n")});
   const double unit = height(coarse) / 100.0;
   EXPECT_EQ(scene["body"]["check_tets"], coarse.tets.size());
-  EXPECT_NEAR(scene["body"]["agreement_mm"].get<double>(), 0.05 * unit, 1e-3);
+  EXPECT_NEAR(scene["body"]["agreement_mm"].get<double>(), 0.06 * unit, 2e-3);
   ASSERT_EQ(scene["meshes"].size(), 2u);
-  EXPECT_NEAR(scene["meshes"][1]["discretisation_mm"].get<double>(), 0.2 * height(fine) / 100.0,
-              1e-3);
+  EXPECT_NEAR(scene["meshes"][0]["discretisation_mm"].get<double>(), 1.8 * unit, 1e-3);
+  EXPECT_TRUE(scene["meshes"][1]["discretisation_mm"].is_null());
+  ASSERT_EQ(scene["points"].size(), 3u);
   EXPECT_NEAR(scene["points"][0]["solver_mm"].get<double>(), 3.0 * unit, 1e-3);
   EXPECT_NEAR(scene["points"][0]["total_mm"].get<double>(), 1.2 * unit, 1e-3);
   EXPECT_FALSE(scene["points"][0]["total_doubtful"].get<bool>());
+  EXPECT_TRUE(scene["points"][1]["total_mm"].is_null()) << "a mesh finer than the truth's";
+  EXPECT_TRUE(scene["points"][2]["total_mm"].is_null()) << "the truth's own mesh";
   ASSERT_EQ(scene["sentences"].size(), 2u);
   EXPECT_NE(scene["sentences"][1].get<std::string>().find("together (the body is known to 0.0"),
             std::string::npos)
       << scene["sentences"][1];
+}
+
+// Two meshes agree on what their time steps have in common.
+TEST_F(Compare, InMotionATruthIsCheckedByOtherTimeStepsToo) {
+  const TetMesh coarse = sample_mesh(2), next = sample_mesh(3), fine = sample_mesh(4);
+  std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, coarse, "c"),
+                                   run("xpbd", 8, 3.0, 2.0, coarse, "c"),
+                                   quadratic(2, 1.8, next, "n"), quadratic(2, 1.8, fine, "f")};
+  EXPECT_TRUE(scene_of(runs)["body"].is_null());
+  EXPECT_NE(scene_of(runs)["no_body"].get<std::string>().find("other time steps"),
+            std::string::npos);
+  runs.insert(runs.begin(), quadratic(2, 1.79, next, "n"));
+  runs.front().manifest["params"]["fem_tolerance"] = 1e-3;
+  EXPECT_TRUE(scene_of(runs)["body"].is_null()) << "a tolerance is no step";
+  runs.front() = quadratic(4, 1.8, next, "n");
+  EXPECT_TRUE(scene_of(runs)["body"].is_null()) << "the same motion checks nothing";
+  runs.front() = quadratic(1, 1.3, next, "n");
+  const Json scene = scene_of(runs);
+  EXPECT_NEAR(scene["body"]["agreement_mm"].get<double>(), 0.5 * height(next) / 100.0, 2e-3);
+  EXPECT_TRUE(scene["points"][0]["total_doubtful"].get<bool>());
+  runs.erase(runs.begin());
+  for (auto& one : runs) one.manifest["params"]["fem_time"] = "quasi_static";
+  EXPECT_FALSE(scene_of(runs)["body"].is_null()) << "an equilibrium has no time steps";
+}
+
+TEST_F(Compare, AFrontHoldsWhatIsToldAndWithoutATruthOnlyPointsOfOneMesh) {
+  const TetMesh coarse = sample_mesh(2), fine = sample_mesh(4);
+  std::vector<ComparedRun> runs = {
+      run("tled", 32, 0.1, 9, coarse, "c"),  run("tled", 64, 0.0, 9, coarse, "c"),
+      run("tled", 32, 0.1, 9, fine, "f"),    run("tled", 64, 0.0, 9, fine, "f"),
+      run("xpbd", 8, 3.0, 2.0, coarse, "c"), run("xpbd", 64, 0.5, 1.0, coarse, "c"),
+      run("xpbd", 8, 4.0, 3.0, fine, "f")};
+  const Json by_solver = scene_of(runs);
+  EXPECT_EQ(by_solver["front_by"], "solver_mm");
+  EXPECT_TRUE(by_solver["points"][0]["front"].get<bool>());
+  EXPECT_FALSE(by_solver["points"][1]["front"].get<bool>()) << "as near as its reference is sure";
+  EXPECT_TRUE(by_solver["points"][2]["front"].get<bool>()) << "the nearest of its mesh";
+  for (auto one : {quadratic(1, 0.55, sample_mesh(5), "n"), quadratic(1, 0.51, sample_mesh(6), "t"),
+                   quadratic(2, 0.5, sample_mesh(6), "t")}) {
+    runs.push_back(one);
+  }
+  const Json by_total = scene_of(runs);
+  EXPECT_EQ(by_total["front_by"], "total_mm");
+  EXPECT_TRUE(by_total["points"][0]["front"].get<bool>());
+  EXPECT_FALSE(by_total["points"][1]["front"].get<bool>()) << "too near to the truth to be told";
+  EXPECT_FALSE(by_total["points"][2]["front"].get<bool>()) << "dearer and farther off";
+}
+
+TEST_F(Compare, WhatAChoiceMustKnowOfARunIsRecorded) {
+  const TetMesh mesh = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 3.0, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 3.0, mesh, "m")};
+  runs[1].scene = {{"time", {{"end", 0.5}}}};
+  runs[2].scene = {{"time", {{"end", 0.25}}}};
+  runs[1].manifest["metrics"].push_back({{"name", "solver_error_bound"}, {"value", 0.02}});
+  const Json scene = scene_of(runs);
+  ASSERT_EQ(scene["points"].size(), 2u) << "another end is another point";
+  EXPECT_EQ(scene["points"][0]["end_s"], 0.5);
+  EXPECT_EQ(scene["points"][0]["solver_error_bound"], 0.02);
+  EXPECT_TRUE(scene["checkpoint_sha256"].is_null());
+  for (auto& one : runs) {
+    one.manifest["inputs"].push_back({{"role", "stiffness"}, {"path", "E.nii"}, {"sha256", "e"}});
+  }
+  EXPECT_EQ(scene_of(runs)["stiffness_sha256"], "e");
+  runs[1].manifest["inputs"].push_back({{"role", "checkpoint"}, {"path", "c.h5"}, {"sha256", "k"}});
+  EXPECT_EQ(scene_of(runs)["points"].size(), 1u) << "another start is another scene";
+}
+
+// A motion that goes on after its reference's end has no error there.
+TEST_F(Compare, ARunToALaterEndThanItsReferenceHasNoError) {
+  const TetMesh mesh = sample_mesh(2);
+  std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, mesh, "m"),
+                                   run("xpbd", 8, 1.0, 3.0, mesh, "m")};
+  for (auto& one : runs) one.scene = {{"time", {{"end", 0.1}}}};
+  EXPECT_FALSE(scene_of(runs)["points"][0]["solver_mm"].is_null());
+  runs[1].scene["time"]["end"] = 0.2;
+  EXPECT_TRUE(scene_of(runs)["points"][0]["solver_mm"].is_null());
 }
 
 TEST_F(Compare, EnergyThatIsNotAllKnownHasNoDrift) {
@@ -218,11 +340,11 @@ TEST_F(Compare, ASingleRunIsTimedAsUncertainlyAsItsFrames) {
 
 TEST_F(Compare, ADeviceHasPointsOfItsOwnAndIsNamed) {
   const TetMesh mesh = sample_mesh(2);
-  std::vector<ComparedRun> runs = {run("tled", 64, 0.0, 9, mesh, "m"),
-                                   run("xpbd", 8, 1.0, 3.0, mesh, "m"),
-                                   run("xpbd", 8, 1.0, 0.2, mesh, "m")};
-  runs[1].manifest["device"] = "cpu, 16 threads";
-  runs[2].manifest["device"] = "cuda, NVIDIA H200";
+  std::vector<ComparedRun> runs = {
+      run("xpbd", 8, 1.0, 3.0, mesh, "m"), run("xpbd", 8, 1.0, 0.2, mesh, "m"),
+      run("tled", 32, 0.001, 9, mesh, "m"), run("tled", 64, 0.0, 9, mesh, "m")};
+  runs[0].manifest["device"] = "cpu, 16 threads";
+  runs[1].manifest["device"] = "cuda, NVIDIA H200";
   const StudyOptions options{.references = {{{"solver", "tled"}}}, .wanted_mm = {1.0}};
   const Json scene = study_of(runs, options)["scenes"][0];
   ASSERT_EQ(scene["points"].size(), 2u);
@@ -261,17 +383,20 @@ TEST_F(Compare, AnEffectIsHeldAgainstTheSameSceneWithoutIt) {
 }
 
 Json point(const char* solver, double lo, double ms, double hi, Json mm) {
-  return {{"label", solver},    {"method", solver}, {"mesh_sha256", "m"}, {"tets", 100},
-          {"ms", {lo, ms, hi}}, {"solver_mm", mm},  {"total_mm", mm},     {"failed", ""}};
+  return {{"label", solver},    {"method", solver},       {"mesh_sha256", "m"}, {"tets", 100},
+          {"ms", {lo, ms, hi}}, {"solver_mm", mm},        {"total_mm", mm},     {"failed", ""},
+          {"doubtful", false},  {"total_doubtful", false}};
 }
 
+const Json scene_without_a_truth = {
+    {"name", "hang"}, {"cost", "ms a frame"}, {"body", nullptr}, {"no_body", "one mesh was used"}};
+
 TEST(Sentences, NameTheCheapestAndClaimADifferenceOnlyWhereIntervalsPart) {
-  Json scene{
-      {"name", "hang"}, {"cost", "ms a frame"}, {"meshes", {{{"discretisation_mm", nullptr}}}}};
+  Json scene = scene_without_a_truth;
   scene["points"] = {point("xpbd", 2.0, 2.1, 2.3, 0.4), point("tled", 2.2, 2.4, 2.5, 0.3),
                      point("fem", 130, 140, 150, 0.01), point("pbd", 1, 1, 1, nullptr)};
   const Json all = sentences_of(scene, {0.5, 0.1, 0.05, 0.001});
-  ASSERT_EQ(all.size(), 1u);
+  ASSERT_EQ(all.size(), 2u);
   EXPECT_EQ(
       all[0],
       "hang, solver alone on the mesh of 100 tets, ms a frame: 0.5 mm costs 2.1 [2 to 2.3] ms "
@@ -279,11 +404,28 @@ TEST(Sentences, NameTheCheapestAndClaimADifferenceOnlyWhereIntervalsPart) {
       "ms, no run of pbd gets there; 0.1, 0.05 mm cost 140 [130 to 150] ms (fem), no run of xpbd "
       "or tled or pbd gets there; 0.001 mm is not reached: 0.01 mm is the least (140 [130 to 150] "
       "ms, fem).");
+  EXPECT_EQ(all[1],
+            "hang: solver error only, because one mesh was used. What the mesh adds to it is not "
+            "known.");
+}
+
+TEST(Sentences, DoNotTellThatAGoalIsReachedByAnErrorTooSmallToBeTold) {
+  Json scene = scene_without_a_truth;
+  scene["body"] = {{"agreement_mm", 0.03}};
+  scene["points"] = {point("xpbd", 1, 1, 1, 0.1), point("tled", 2, 2, 2, 0.4)};
+  scene["points"][0]["total_doubtful"] = true;
+  EXPECT_EQ(sentences_of(scene, {0.5, 0.2})[1],
+            "hang, mesh and solver together (the body is known to 0.03 mm), ms a frame: 0.5 mm "
+            "costs 2 ms (tled, 100 tets), of xpbd it is not told; 0.2 mm is not told (errors "
+            "that small are below ten times what the reference is sure to): 0.4 mm is the least "
+            "that is told (2 ms, tled, 100 tets).");
+  scene["points"][0]["doubtful"] = true;
+  EXPECT_NE(sentences_of(scene, {0.2})[0].get<std::string>().find("0.2 mm is not told"),
+            std::string::npos);
 }
 
 TEST(Sentences, DoNotCountWhatFailed) {
-  Json scene{
-      {"name", "hang"}, {"cost", "ms a frame"}, {"meshes", {{{"discretisation_mm", nullptr}}}}};
+  Json scene = scene_without_a_truth;
   scene["points"] = {point("xpbd", 2, 2, 2, 0.1)};
   scene["points"][0]["failed"] = "diverged";
   EXPECT_NE(sentences_of(scene, {1.0})[0].get<std::string>().find("1 mm is not reached"),

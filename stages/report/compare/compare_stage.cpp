@@ -16,7 +16,7 @@
 namespace viscera {
 namespace {
 
-constexpr const char* version = "2";
+constexpr const char* version = "3";
 
 Param list(const char* name, Json fallback, const char* doc) {
   return {.name = name, .type = ParamType::list, .fallback = std::move(fallback), .doc = doc};
@@ -163,7 +163,8 @@ void write_tables(const StageRun& run, const Json& report) {
     for (const auto& point : scene["points"]) {
       Json row{{"scene", scene["name"]}, {"span", scene["span"]}};
       row.update(point);
-      for (const char* column : {"setting", "mesh_sha256", "run"}) row.erase(column);
+      for (const char* column : {"setting", "mesh_sha256", "run", "end_s", "solver_error_bound"})
+        row.erase(column);
       points.push_back(std::move(row));
     }
   }

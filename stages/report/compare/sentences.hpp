@@ -6,7 +6,7 @@
 namespace viscera {
 
 // `scene` as in study.hpp. One sentence on the solver's error on the mesh with most settings, one
-// on the total.
+// on the total or, without a truth of the body, that there is none. Doubtful errors reach no goal.
 Json sentences_of(const Json& scene, const std::vector<double>& wanted_mm);
 
 }  // namespace viscera

@@ -38,9 +38,11 @@ std::string label_of(const ComparedRun& run) {
   if (run.param("solver") == "fem") {
     if (run.param("fem_order") == "2") label += ", quadratic";
     if (run.param("fem_time") == "quasi_static") return label + ", equilibrium";
-    const std::string more = run.param("fem_time") == "bdf2" ? " or more" : "";
-    return label +
-           fmt::format(", {}{} steps, tolerance {}", substeps, more, run.param("fem_tolerance"));
+    const bool is_controlled = run.param("fem_time") == "bdf2";
+    label += fmt::format(", {}{} steps, tolerance {}", substeps, is_controlled ? " or more" : "",
+                         run.param("fem_tolerance"));
+    if (is_controlled) label += ", step error " + run.param("fem_step_error");
+    return label;
   }
   if (scheme != "gauss_seidel") label += ", " + scheme;
   label += fmt::format(", {} substeps", substeps);

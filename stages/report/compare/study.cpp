@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 
 #include "pipeline/contract/json_value.hpp"
 #include "stages/report/compare/distance.hpp"
@@ -16,13 +17,34 @@ namespace {
 
 using Runs = std::vector<const ComparedRun*>;
 
-// What a scene's file and changes make one problem; settings and meshes are ways to solve it.
+// What a run changed of its scene's file.
+Json change_of(const ComparedRun& run) {
+  return run.manifest["params"].value("change", Json::object());
+}
+
+// What a scene's file, its changes, a start and a measured stiffness make one problem; settings and
+// meshes are ways to solve it.
+std::string problem_of(const ComparedRun& run, const Json& change) {
+  return run.input("scene") + "|" + run.input("checkpoint") + "|" + run.input("stiffness") + "|" +
+         change.dump();
+}
+
 std::string problem_of(const ComparedRun& run) {
-  return run.input("scene") + run.param("change");
+  return problem_of(run, change_of(run));
 }
 
 Json number(double value) {
   return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
+Json text(const std::string& value) {
+  return value.empty() ? Json(nullptr) : Json(value);
+}
+
+// The time (s) that the run was to end at.
+Json end_of(const ComparedRun& run) {
+  const auto time = run.scene.find("time");
+  return time == run.scene.end() ? Json(nullptr) : Json(number(time->value("end", NAN)));
 }
 
 // What stores or brings in energy that metrics.csv does not hold.
@@ -51,6 +73,11 @@ double energy_rise(const ComparedRun& run) {
     elastic = std::max(elastic, parts[f].get<double>());
   }
   return elastic > 0.0 ? rise / elastic : 0.0;
+}
+
+// The digest of its trajectory.
+Json motion_of(const ComparedRun& run) {
+  return run.manifest["outputs"][0]["sha256"];
 }
 
 // Of the body rather than of its mesh: what linear tets err by is not in it.
@@ -91,8 +118,10 @@ class SceneStudy {
     for (const auto* run : runs) {
       const bool is_reference =
           std::ranges::any_of(options.references, [&](const Json& r) { return matches(*run, r); });
-      auto& list = is_reference ? (is_quadratic(*run) ? bodies_ : references_)[run->input("mesh")]
-                                : points_[run->input("mesh") + setting_of(*run).dump()];
+      auto& list =
+          is_reference
+              ? (is_quadratic(*run) ? quadratic_ : linear_)[run->input("mesh")]
+              : points_[run->input("mesh") + setting_of(*run).dump() + end_of(*run).dump()];
       // What does not differ between rounds is one run, however many cases name it; of references
       // one a setting will do.
       const bool known = std::ranges::any_of(list, [&](const ComparedRun* other) {
@@ -104,66 +133,141 @@ class SceneStudy {
     }
   }
 
-  bool has_references() const { return !references_.empty() || !bodies_.empty(); }
+  bool has_references() const { return !linear_.empty() || !quadratic_.empty(); }
 
   Json made() {
     find_finest();
+    find_body();
     Json json{{"name", finest_->input_name("scene")},
               {"scene_sha256", finest_->input("scene")},
-              {"change", finest_->manifest["params"]["change"]},
+              {"checkpoint_sha256", text(finest_->input("checkpoint"))},
+              {"stiffness_sha256", text(finest_->input("stiffness"))},
+              {"change", change_of(*finest_)},
               {"span", span_ == Span::end ? "end" : "history"},
               {"cost", span_ == Span::end ? "ms until it rests" : "ms a frame"},
               {"size_mm", number(size_mm_)},
               {"body", body()},
+              {"no_body", why_no_body_},
+              {"front_by", truth_ ? "total_mm" : "solver_mm"},
               {"meshes", meshes()},
               {"points", Json::array()}};
     for (const auto* equal : order_) json["points"].push_back(point(*equal));
-    mark_front(json["points"]);
+    mark_front(json["points"], truth_ != nullptr);
     return json;
   }
 
  private:
-  void find_finest() {
+  using ByMesh = std::map<std::string, Runs>;
+
+  // The references of every mesh, those on the finest mesh last.
+  static Runs by_tets(const ByMesh& references) {
     Runs all;
-    for (const auto& [mesh, runs] : bodies_.empty() ? references_ : bodies_) {
-      all.push_back(runs.back());
-    }
+    for (const auto& [mesh, runs] : references) all.push_back(runs.back());
     std::ranges::sort(all, {}, [](const ComparedRun* run) { return run->tets(); });
-    finest_ = all.back();
-    if (all.size() > 1) next_ = all[all.size() - 2];
+    return all;
+  }
+
+  void find_finest() {
+    finest_ = by_tets(quadratic_.empty() ? linear_ : quadratic_).back();
     span_ = finest_->param("fem_time") == "quasi_static" && finest_->param("solver") == "fem"
                 ? Span::end
                 : Span::history;
     size_mm_ = largest_displacement(*finest_->trajectory);
   }
 
-  Json body() {
-    body_agreement_ = next_ ? apart(*next_, *finest_) : NAN;
-    return {{"reference", label_of(*finest_)},
-            {"tets", finest_->tets()},
-            {"check", next_ ? Json(label_of(*next_)) : Json(nullptr)},
-            {"check_tets", next_ ? Json(next_->tets()) : Json(nullptr)},
-            {"agreement_mm", number(body_agreement_)}};
+  // A truth, which no point can be its own judge by: see study.hpp.
+  void find_body() {
+    const Runs all = by_tets(quadratic_);
+    const auto count = all.size();
+    if (count < 2 || all[count - 2]->tets() >= all[count - 1]->tets()) {
+      why_no_body_ = "no two meshes, one finer than the other, have references of quadratic tets";
+      return;
+    }
+    const ComparedRun &truth = *all[count - 1], &check = *all[count - 2];
+    double steps_mm = 0.0;
+    if (span_ == Span::history) {
+      steps_mm = std::min(steps_agreement_of(truth), steps_agreement_of(check));
+      if (std::isinf(steps_mm)) {
+        why_no_body_ = "no reference of quadratic tets with other time steps checks theirs";
+        return;
+      }
+    }
+    const double agreement_mm = apart(check, truth) + steps_mm;
+    if (truth.diverged() || check.diverged() || !std::isfinite(agreement_mm)) {
+      why_no_body_ = "the two finest references of quadratic tets do not both reach the end";
+      return;
+    }
+    truth_ = &truth, check_ = &check;
+    body_agreement_ = agreement_mm;
+  }
+
+  Json body() const {
+    if (!truth_) return nullptr;
+    return {{"reference", label_of(*truth_)},
+            {"tets", truth_->tets()},
+            {"check", label_of(*check_)},
+            {"check_tets", check_->tets()},
+            {"agreement_mm", body_agreement_}};
   }
 
   double apart(const ComparedRun& a, const ComparedRun& b) {
     return distance_(*a.trajectory, *b.trajectory, span_).largest;
   }
 
+  // By how much the last two references of one order on this run's mesh differ; infinite: there is
+  // one.
+  double agreement_of(const ByMesh& references, const ComparedRun& run) {
+    const auto found = references.find(run.input("mesh"));
+    if (found == references.end() || found->second.size() < 2) {
+      return std::numeric_limits<double>::infinity();
+    }
+    const Runs& runs = found->second;
+    const auto [known, is_new] = agreements_.emplace(runs.back(), 0.0);
+    if (is_new) known->second = apart(*runs[runs.size() - 2], *runs.back());
+    return known->second;
+  }
+
+  // By how much this reference of quadratic tets and one with other time steps differ; infinite:
+  // there is none. One whose motion is the same bits took the same steps.
+  double steps_agreement_of(const ComparedRun& reference) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const auto* other : quadratic_[reference.input("mesh")]) {
+      const auto differs = [&](const char* step) {
+        return setting_of(*other)[step] != setting_of(reference)[step];
+      };
+      if (!differs("substeps") && !differs("fem_time") && !differs("fem_step_error")) continue;
+      if (motion_of(*other) == motion_of(reference)) continue;
+      least = std::min(least, apart(*other, reference));
+    }
+    return least;
+  }
+
+  // Of a motion none where the reference was to end before the run: what comes after is not known.
+  std::optional<Distance> error_of(const ComparedRun& run, const ComparedRun& reference) {
+    const Json end = end_of(run), known = end_of(reference);
+    const bool is_longer = end.is_number() && known.is_number() && end > known;
+    if (span_ == Span::history && is_longer) return std::nullopt;
+    return distance_(*run.trajectory, *reference.trajectory, span_);
+  }
+
+  // Of mesh and solver: against a truth on another, finer mesh only.
+  std::optional<Distance> total_of(const ComparedRun& run) {
+    if (!truth_ || run.tets() >= truth_->tets()) return std::nullopt;
+    return error_of(run, *truth_);
+  }
+
   Json meshes() {
     Json list = Json::array();
-    for (const auto& [mesh, runs] : references_) {
+    for (const auto& [mesh, runs] : linear_) {
       const ComparedRun& last = *runs.back();
-      const bool checked = runs.size() > 1;
-      const double agreement = checked ? apart(*runs[runs.size() - 2], last) : NAN;
-      agreement_[mesh] = agreement;
-      list.push_back({{"sha256", mesh},
-                      {"tets", last.tets()},
-                      {"reference", label_of(last)},
-                      {"check", checked ? Json(label_of(*runs[runs.size() - 2])) : Json(nullptr)},
-                      {"agreement_mm", number(agreement)},
-                      {"discretisation_mm",
-                       &last == finest_ ? Json(nullptr) : number(apart(last, *finest_))}});
+      const auto discretisation = total_of(last);
+      list.push_back(
+          {{"sha256", mesh},
+           {"tets", last.tets()},
+           {"reference", label_of(last)},
+           {"check", runs.size() > 1 ? Json(label_of(*runs[runs.size() - 2])) : Json(nullptr)},
+           {"agreement_mm", number(agreement_of(linear_, last))},
+           {"discretisation_mm", number(discretisation ? discretisation->largest : NAN)}});
     }
     std::sort(list.begin(), list.end(), [](const Json& a, const Json& b) {
       return a["tets"].get<int>() < b["tets"].get<int>();
@@ -181,65 +285,82 @@ class SceneStudy {
               {"method", method_of(run)},
               {"run", run.name},
               {"mesh_sha256", mesh},
+              {"end_s", end_of(run)},
               {"tets", run.tets()},
               {"ms", times_of(equal, end ? "steps_wall" : "frame_ms_median", end ? 1e3 : 1.0)},
               {"p99_ms", number(run.metric("frame_ms_p99").value_or(NAN))},
               {"repeats", equal.size()},
               {"cs", number(run.metric("stability_Cs_max").value_or(NAN))},
+              {"solver_error_bound", number(run.metric("solver_error_bound").value_or(NAN))},
               {"energy_rise", number(energy_rise(run))},
               {"volume_off", number(volume_off(run))},
               {"inverted", run.metric("inverted_max").value_or(0.0)}};
-    const Distance total = distance_(*run.trajectory, *finest_->trajectory, span_);
-    const auto same = references_.find(mesh);
-    Distance solver{NAN, NAN, NAN};
-    if (same != references_.end()) {
-      solver = distance_(*run.trajectory, *same->second.back()->trajectory, span_);
-    }
-    json["solver_mm"] = number(solver.largest);
-    json["solver_rms_mm"] = number(solver.rms);
-    json["total_mm"] = number(total.largest);
-    json["end_mm"] = number(solver.end);
-    json["failed"] = why_failed(equal, total.largest);
-    const double doubt = same != references_.end() ? agreement_[mesh] : NAN;
-    json["doubtful"] = !(solver.largest > 10.0 * doubt);
-    json["total_doubtful"] = !(total.largest > 10.0 * body_agreement_);
+    // Quadratic tets are held against quadratic ones: against linear ones their error is the
+    // mesh's.
+    const ByMesh& references = is_quadratic(run) ? quadratic_ : linear_;
+    const auto same = references.find(mesh);
+    std::optional<Distance> solver;
+    if (same != references.end()) solver = error_of(run, *same->second.back());
+    const auto total = total_of(run);
+    const double solver_mm = solver ? solver->largest : NAN,
+                 total_mm = total ? total->largest : NAN;
+    json["solver_mm"] = number(solver_mm);
+    json["solver_rms_mm"] = number(solver ? solver->rms : NAN);
+    json["total_mm"] = number(total_mm);
+    json["end_mm"] = number(solver ? solver->end : NAN);
+    json["failed"] = why_failed(equal, solver_mm, total_mm);
+    json["doubtful"] = !(solver_mm > 10.0 * agreement_of(references, run));
+    json["total_doubtful"] = !(total_mm > 10.0 * body_agreement_);
     json["front"] = false;
     return json;
   }
 
-  std::string why_failed(const Runs& equal, double total_mm) const {
+  // Errors that are not known (not a number) are no failure.
+  std::string why_failed(const Runs& equal, double solver_mm, double total_mm) const {
     const ComparedRun& run = *equal.front();
     if (run.diverged()) return "diverged";
-    if (!std::isfinite(total_mm)) return "did not reach the end";
+    const bool is_short = run.trajectory->times_s().size() < finest_->trajectory->times_s().size();
+    const bool is_history = span_ == Span::history;
+    if ((is_history && is_short) || std::isinf(solver_mm) || std::isinf(total_mm)) {
+      return "did not reach the end";
+    }
     if (span_ == Span::end && !run.metric("rest_time")) return "not at rest in time";
-    if (total_mm > size_mm_) return "farther off than the body moves";
+    if (solver_mm > size_mm_ || total_mm > size_mm_) return "farther off than the body moves";
     for (const auto* other : equal) {
-      if (other->manifest["outputs"][0]["sha256"] != run.manifest["outputs"][0]["sha256"]) {
-        return "equal runs differ";
-      }
+      if (motion_of(*other) != motion_of(run)) return "equal runs differ";
     }
     return "";
   }
 
-  static void mark_front(Json& points) {
-    const auto cost = [](const Json& p) { return p["ms"][1].get<double>(); };
-    const auto error = [](const Json& p) { return p["total_mm"].get<double>(); };
-    const auto counts = [](const Json& p) { return p["failed"] == ""; };
+  // By the total where there is a truth, of all meshes. Else by the solver's error, of points of
+  // one mesh: that of another mesh is another error. What is nearer to its reference than ten times
+  // the reference's own agreement is not judged, and so on no front.
+  static void mark_front(Json& points, bool has_truth) {
+    const char* error = has_truth ? "total_mm" : "solver_mm";
+    const char* doubtful = has_truth ? "total_doubtful" : "doubtful";
+    const auto counts = [&](const Json& p) {
+      return p["failed"] == "" && p[error].is_number() && p[doubtful] == false;
+    };
+    const auto is_better = [&](const Json& a, const Json& b) {
+      const double ms = a["ms"][1], mm = a[error], other_ms = b["ms"][1], other_mm = b[error];
+      return ms <= other_ms && mm <= other_mm && (ms < other_ms || mm < other_mm);
+    };
     for (auto& p : points) {
       p["front"] = counts(p) && std::ranges::none_of(points, [&](const Json& other) {
-                     return counts(other) && cost(other) <= cost(p) && error(other) <= error(p) &&
-                            (cost(other) < cost(p) || error(other) < error(p));
+                     const bool comparable = has_truth || other["mesh_sha256"] == p["mesh_sha256"];
+                     return comparable && counts(other) && is_better(other, p);
                    });
     }
   }
 
   DistanceBetween& distance_;
-  std::map<std::string, Runs> references_;  // by mesh, of linear tets
-  std::map<std::string, Runs> bodies_;      // by mesh, of quadratic ones
-  std::map<std::string, Runs> points_;      // by mesh and setting
+  ByMesh linear_, quadratic_;           // references by mesh
+  std::map<std::string, Runs> points_;  // by mesh, setting and end
   std::vector<const Runs*> order_;
-  std::map<std::string, double> agreement_;
-  const ComparedRun *finest_ = nullptr, *next_ = nullptr;
+  std::map<const ComparedRun*, double> agreements_;  // of references with those before them, mm
+  const ComparedRun* finest_ = nullptr;              // of the references
+  const ComparedRun *truth_ = nullptr, *check_ = nullptr;  // of the body; null: there is none
+  std::string why_no_body_;
   double body_agreement_ = 0.0;  // mm
   Span span_ = Span::history;
   double size_mm_ = 0.0;
@@ -249,8 +370,8 @@ class SceneStudy {
 Json effects_of(const std::map<std::string, Runs>& problems, DistanceBetween& distance) {
   Json list = Json::array();
   for (const auto& [key, changed] : problems) {
-    const Json& change = changed.front()->manifest["params"]["change"];
-    const auto plain = problems.find(changed.front()->input("scene") + "{}");
+    const Json change = change_of(*changed.front());
+    const auto plain = problems.find(problem_of(*changed.front(), Json::object()));
     if (change.empty() || plain == problems.end()) continue;
     const auto group = [](const Runs& runs, const ComparedRun& like) {
       Runs equal;

@@ -152,9 +152,12 @@
     show(asked.has("t") && isFinite(t) ? t : report.runs.find(r => r.run === report.views[0].name).max_deformation_time || 0);
   }
 
-  const bodyWords = body => "For the body itself stands " + body.reference + " on " +
-    `${number(body.tets)} tets` + (body.check === null ? ", without a check." : `; its check, ${body.check} ` +
-    `on ${number(body.check_tets)} tets, differs by ${quantity(Number(body.agreement_mm.toPrecision(3)), "mm")}.`);
+  function bodyWords({body, no_body, span}) {
+    if (body === null) return `Solver error only: ${no_body}. What the mesh adds to it is not known.`;
+    return `The truth of the body is ${body.reference} on ${number(body.tets)} tets; its check, ${body.check} ` +
+      `on ${number(body.check_tets)} tets, differs by ${quantity(Number(body.agreement_mm.toPrecision(3)), "mm")}` +
+      (span === "history" ? ", the difference that other time steps make included." : ".");
+  }
 
   function showStudy() {
     for (const scene of report.study.scenes) {
@@ -164,23 +167,21 @@
       byId("study-scenes").append(element("h3", {}, scene.name), box,
         element("div", {class: "scroll"}, meshes),
         element("p", {class: "note"}, "A hollow point is nearer to its reference than ten times the " +
-          "distance of that reference to its own check: its error is smaller than can be said. Crosses " +
-          `failed. The body moves by up to ${quantity(Number(scene.size_mm.toPrecision(3)), "mm")}.`),
+          "distance of that reference to its own check: its error is too small to be told, and it is on no " +
+          `front. Crosses failed. The body moves by up to ${quantity(Number(scene.size_mm.toPrecision(3)), "mm")}.`),
         element("details", {}, element("summary", {}, `All ${scene.points.length} points`),
           element("div", {class: "scroll"}, table)));
       const errors = [["solver_mm", "Solver's error on its own mesh"]];
-      if (scene.meshes.some(mesh => mesh.discretisation_mm !== null)) {
-        errors.push(["total_mm", "Error of mesh and solver together"]);
-      }
+      if (scene.body !== null) errors.push(["total_mm", "Error of mesh and solver together"]);
       for (const [key, title] of errors) {
         const chart = viscera.workPrecision(box, scene, key, title);
         if (chart) charts.push(chart);
       }
       fillTable(meshes, ["Mesh, tets", "Reference", "Its check", "They differ by", "Error of the mesh"],
         scene.meshes.map(m => ({cells: [number(m.tets), m.reference, m.check || "none",
-          orNone(m.agreement_mm, "mm"), m.discretisation_mm === null ? "stands for the body"
-            : quantity(m.discretisation_mm, "mm")]})));
-      meshes.after(element("p", {class: "note"}, bodyWords(scene.body)));
+          orNone(m.agreement_mm, "mm"), m.discretisation_mm === null
+            ? "not known: no finer truth" : quantity(m.discretisation_mm, "mm")]})));
+      meshes.after(element("p", {class: "note"}, bodyWords(scene)));
       fillTable(table, ["Setting", "Tets", scene.cost, "Interval", "99th percentile", "Runs", "Cs", "Solver's error",
         "rms", "Total error", "Energy rise", "Volume off", "Inverted", "Failed"],
         scene.points.map(p => ({failed: p.failed !== "", cells: [p.label + (p.front ? " ★" : ""),

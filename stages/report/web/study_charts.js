@@ -86,7 +86,7 @@ viscera.workPrecision = function (parent, scene, key, title) {
     return {
       label: `${method}, ${viscera.number(Number(tets))} tets`, type: "scatter", showLine: false,
       data: curve.map(p => ({x: p.ms[1], y: p[key], p})),
-      pointRadius: curve.map(p => p.front ? 6 : 4),
+      pointRadius: curve.map(p => p.front && key === scene.front_by ? 6 : 4),
       pointStyle: ["circle", "rectRot", "triangle", "rect"][[...new Set(points.map(p => p.tets))]
         .sort((a, b) => a - b).indexOf(Number(tets)) % 4],
       borderColor: () => viscera.solverColour(method), borderWidth: 1.5,
@@ -99,13 +99,13 @@ viscera.workPrecision = function (parent, scene, key, title) {
     data: points.filter(p => p.failed !== "").map(p => ({x: p.ms[1], y: top, p})),
     borderColor: () => css("--fail"), backgroundColor: () => css("--fail"),
   };
-  const front = {
-    label: "Pareto front", type: "line", pointRadius: 0, borderWidth: 1.2, borderDash: [2, 3],
+  const fronts = frontsOf(scene, good, key).map(({label, points}) => ({
+    label, type: "line", pointRadius: 0, borderWidth: 1.2, borderDash: [2, 3],
     borderColor: () => css("--muted"), backgroundColor: () => css("--muted"),
-    data: frontOf(good, key),
-  };
+    data: points.map(p => ({x: p.ms[1], y: p[key]})),
+  }));
   return new Chart(canvas, {
-    type: "scatter", data: {datasets: [...curves, failed, front]}, plugins: [frameLine],
+    type: "scatter", data: {datasets: [...curves, failed, ...fronts]}, plugins: [frameLine],
     options: {
       animation: false, responsive: true, maintainAspectRatio: false, parsing: false,
       interaction: {mode: "nearest", intersect: true},
@@ -123,11 +123,14 @@ viscera.workPrecision = function (parent, scene, key, title) {
   });
 };
 
-function frontOf(points, key) {
-  const sorted = [...points].sort((a, b) => a.ms[1] - b.ms[1]);
-  let least = Infinity;
-  return sorted.filter(p => p[key] < least && (least = p[key], true))
-    .map(p => ({x: p.ms[1], y: p[key]}));
+// The points that the study puts on the front, by time: one front by the total, one for each mesh by the
+// solver's error, and none in a plot of the other error.
+function frontsOf(scene, points, key) {
+  if (key !== scene.front_by) return [];
+  const front = points.filter(p => p.front).sort((a, b) => a.ms[1] - b.ms[1]);
+  if (key === "total_mm") return [{label: "Pareto front", points: front}];
+  return [...new Set(front.map(p => p.tets))].sort((a, b) => a - b).map(tets => ({
+    label: `Pareto front, ${viscera.number(tets)} tets`, points: front.filter(p => p.tets === tets)}));
 }
 
 function pointWords(p, key) {
