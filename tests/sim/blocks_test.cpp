@@ -409,5 +409,22 @@ TEST(Blocks, ABodyWithoutForcesStaysWhereItIsToTheBit) {
   }
 }
 
+// Rate forces act on copies of a vertex before an obstacle stops it. What they did along its normal
+// was counted beside the stop: a velocity v became -s v, and 31 mm/s never died away.
+TEST(Blocks, ADampedBodyOnTheGroundComesToRest) {
+  Material damped = soft_tissue;
+  damped.damping = 0.02;
+  const Model model = make_cube(4, damped);
+  Scene scene = drop_scene();
+  scene.params<Ground>().front().clearance = 0.0;
+  scene.time.substeps = 32;
+  HostBlocks<float> solver(model, scene, 100, true);
+  for (int frame = 0; frame < 180; ++frame) solver.advance_frame();
+  for (int frame = 0; frame < 2; ++frame) {
+    solver.advance_frame();
+    EXPECT_LT(diagnose(model, scene, solver.state()).max_speed, 1e-4);
+  }
+}
+
 }  // namespace
 }  // namespace viscera::sim
