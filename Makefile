@@ -69,12 +69,12 @@ cohort: programs ## the cases of COHORT through Snakemake, here or by COHORT_PRO
 	@snakemake --snakefile pipeline/cohort/Snakefile --profile $(COHORT_PROFILE) \
 	  --config spec=$(COHORT) $(COHORT_CONFIG)
 
-test: build ## every test; at the end why tests were skipped, and how many
+test: build ## every test, and why some were skipped; one kind: test-unit -property -verification -hard -cli -web
 	@JOBS=$(JOBS) .ci/tests
 
 # test-gpu is below: it fails without a device.
 TEST_KINDS = unit property verification hard cli web
-$(TEST_KINDS:%=test-%): test-%: build ## those of one kind: unit property verification hard cli web
+$(TEST_KINDS:%=test-%): test-%: build
 	@JOBS=$(JOBS) .ci/tests -L '^$*$$'
 
 # The demo's stages by hand, each on the files of the one before, with the settings of
