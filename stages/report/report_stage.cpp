@@ -11,7 +11,7 @@
 namespace viscera {
 namespace {
 
-constexpr const char* version = "2";
+constexpr const char* version = "3";
 
 StageInfo report_info() {
   StageInfo info{.name = "report",

@@ -197,7 +197,8 @@ void report_solver_error(StageRun& run, const sim::Stability& stability, const s
     return;
   }
   const std::string text = fmt::format(
-      "at rest the solver alone is off by {:.2g} % of the displacement at most (H {:.2g})",
+      "at rest the solver alone is off by some {:.2g} % of the displacement or less (H {:.2g}); "
+      "what the mesh adds one run cannot know",
       100.0 * stability.sweep_error, stability.sweep_number);
   if (stability.sweep_error > worth_a_warning) {
     log::warn("{}\n  remedy:  accuracy_limit: 1 % in the scene, more substeps or solver fem", text);
@@ -353,7 +354,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "8",
+           .version = "9",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

@@ -193,6 +193,16 @@ TEST_F(Web, TheCtIsShownWithTheLabelsOnIt) {
   EXPECT_EQ(browser_.console(), "");
 }
 
+TEST_F(Web, TheSolversErrorIsToldFromTheMeshsWhichOneRunCannotKnow) {
+  make_whole_report({});
+  const std::string document = browser_.document(address(""), width, height);
+  const auto at = document.find("Solver's error at rest");
+  ASSERT_NE(at, std::string::npos);
+  const std::string figure = document.substr(at, 250);
+  EXPECT_NE(figure.find("1.2&nbsp;%"), std::string::npos) << figure;
+  EXPECT_NE(figure.find("the mesh's error comes besides"), std::string::npos) << figure;
+}
+
 TEST_F(Web, AFailedGateLeadsThePageWithItsMeaningAndRemedyAndItsPlaceIsRinged) {
   SampleRun run;
   run.gate_fails = true;

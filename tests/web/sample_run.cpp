@@ -228,6 +228,7 @@ void write_simulation(const fs::path& folder, const fs::path& mesh_file, const T
   m.params = {{"t_end", 2.5}, {"substeps", 64}, {"device", "auto"}, {"precision", "fp32"}};
   m.param_units = {{"t_end", "s"}};
   m.metrics = {{"rest_time_s", 0.7 * frame_time * frames, "s"},
+               {"solver_error_bound", 0.0123, "1"},
                {"frames", frames, "1"},
                {"stability_Cs_max", 0.41, "1"},
                {"stability_kappa_max", 7.9, "1"},

@@ -92,6 +92,11 @@ viscera.keyFigures = function (report) {
     add("At rest after", rest === null ? "not at rest" : viscera.quantity(rest, "s"),
         viscera.restReason(report));
   }
+  const error = viscera.metric(report, "simulate", "solver_error_bound");
+  if (typeof error === "number") {
+    add("Solver's error at rest", viscera.quantity(Number((100 * error).toPrecision(2)), "percent"),
+        "predicted bound; the mesh's error comes besides, and one run cannot know it");
+  }
   const ratio = (report.series.volume_ratio || []).filter(v => v !== null);
   if (ratio.length) {
     const off = 100 * ratio.reduce((most, r) => Math.max(most, Math.abs(r - 1)), 0);
