@@ -77,9 +77,10 @@ ExitCode run_headless(const CommandLine& line) {
 // configs/paper.yaml has them.
 StageRun second_run_of(CommandLine line, const std::string& method) {
   line.set.push_back("solver=" + method);
-  if (method == "fem")
+  if (method == "fem") {
     line.set.insert(line.set.end(),
                     {"substeps=1", "fem_tolerance=1e-3", "fem_time=implicit_euler"});
+  }
   StageRun run = run_of(line);
   if (method == "pbd") {
     Json change = run.params().at("change");

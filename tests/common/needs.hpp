@@ -29,9 +29,13 @@ inline std::filesystem::path patient_volume(const std::string& name) {
 
 }  // namespace viscera
 
-// Skips the test where a patient's volume is not here; a clone has none.
-#define VISCERA_NEEDS_VOLUME(file) \
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << "the segmentations of patients are not here"
+// Skips the test where that folder is not here; a clone has none. Of a volume that is missing from
+// it the test fails, as its stage does.
+#define VISCERA_NEEDS_VOLUME(file)                                                            \
+  if (const auto folder = (file).parent_path(); !std::filesystem::exists(folder)) {           \
+    GTEST_SKIP() << "the segmentations of patients are not here (" << folder.string() << ")"; \
+  }                                                                                           \
+  static_assert(true)
 
 // Skips the test unless `condition` holds, and says what is missing; fails it where
 // VISCERA_REQUIRE_PACKAGES is set.
