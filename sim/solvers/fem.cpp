@@ -224,8 +224,8 @@ class FemSolver final : public Solver {
     elastic_ = node_stiffness(model, mesh_);
     take_inertia(program_.dt);
   }
-  // That of a step over whose time forces act for so long, s, and contact's penalty with it: with
-  // the penalty of a longer step, multipliers would take many rounds.
+  // That of a step over whose time forces act for so long, s, and contact's penalty with it, so
+  // that a round of multipliers gains as much in a short step (fem_newton.cpp has the factor).
   void take_inertia(double acts) {
     const double share = is_static(options_) ? 0.0 : 1.0 / (acts * acts);
     for (std::size_t i = 0; i < stiffness_.size(); ++i) {
