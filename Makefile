@@ -117,10 +117,11 @@ $(BENCH)/mesh.vtu: build  # the phantom in 30k tets
 	@$(BIN)/viscera run configs/demo.yaml --set tetmesh.target_tets=30000 --until tetmesh \
 	  --out $(BENCH) --quiet && cp $(BENCH)/demo/tetmesh/mesh.vtu $(BENCH)/mesh.vtu
 
-bench-solver: $(BENCH)/mesh.vtu ## what a substep costs on this machine, by method and threads
-	@$(BIN)/bench_solver $(BENCH)/mesh.vtu docs/results/solver_speed.csv
-
 BENCH_MESHES ?= $(BENCH)/mesh.vtu
+BENCH_SOLVER_CSV ?= docs/results/solver_speed.csv
+bench-solver: $(BENCH)/mesh.vtu ## what a substep costs on this machine, by method and threads: BENCH_MESHES, _SOLVER_CSV
+	@$(BIN)/bench_solver $(BENCH_SOLVER_CSV) $(BENCH_MESHES)
+
 bench-gpu: $(BENCH)/mesh.vtu ## what accuracy costs on this machine's GPU: BENCH_MESHES
 	@mkdir -p out/bench && $(BIN)/bench_gpu out/bench/gpu.csv 5 0.45 $(BENCH_MESHES)
 

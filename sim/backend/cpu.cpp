@@ -61,7 +61,7 @@ class CpuSolver final : public Solver {
         layout_(model, program_, options),
         constants_(SweepConstants<T>::of(options)),
         team_(thread_count(options.threads, model)),
-        paced_(options.threads == 0 && team_.most() > 1),
+        paced_((options.threads == 0 || options.spares_threads) && team_.most() > 1),
         volume_bound_({model, scene, options.method}, team_.most(),
                       static_cast<int>(model.vertex_count())),
         n_(layout_.vertices),
@@ -522,7 +522,7 @@ class CpuSolver final : public Solver {
   SweepTable<T> sweeps_ = best_sweeps<T>();
   Team team_;
   Pace pace_;
-  bool paced_;  // threads are ours to choose
+  bool paced_;  // one thread may do in place of several
   CpuVolumeBound<T> volume_bound_;
   std::optional<CpuViscousStep<T>> viscous_step_;  // where damping is solved for
   Seconds seconds_{};

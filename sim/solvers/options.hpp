@@ -44,6 +44,7 @@ struct SolverOptions {
   int block_tets = 0;      // block Gauss-Seidel: tets a block; 0: as suits the device
   double stiffness = 1.0;  // PBD: share of a constraint's error removed by an iteration
   int threads = 0;         // 0 for all cores; results do not depend on it
+  bool spares_threads = false;  // takes one in place of several while that is faster (pace.hpp)
   FemOptions fem;
   // Called every few substeps or Newton steps by the thread that steps. What it throws leaves the
   // frame undone, and the solver in no state to go on from.

@@ -308,8 +308,10 @@ void World::take(Json changes, bool has_tool) {
           std::max(next->scene.time.substeps, setting_->scene.time.substeps);
       keep_forms(setting_->scene, next->scene);
     }
-    next->stability = sim::apply_policy(model, next->scene, solver_options(run_));
+    next->options = solver_choice(run_, model, next->scene).options;
+    next->stability = sim::apply_policy(model, next->scene, next->options);
     const bool same = setting_ && has_tool == hand_.has_tool &&
+                      next->options.scheme == setting_->options.scheme &&
                       next->stability.switched == setting_->stability.switched &&
                       next->scene.time.substeps == setting_->scene.time.substeps;
     if (same) {
@@ -329,7 +331,7 @@ void World::take(Json changes, bool has_tool) {
 }
 
 void World::replace_solver(const Setting& next) {
-  auto other = choose_solver(run_, setup_.model, next.scene);
+  auto other = choose_solver(run_, setup_.model, next.scene, next.options);
   if (solver_) {
     const int before = setting_->scene.time.substeps, now = next.scene.time.substeps;
     sim::State state = solver_->state();

@@ -16,6 +16,7 @@ namespace viscera::live {
 struct Setting {
   Json changes = Json::object();  // of the scene, by name, since the start
   std::vector<sim::Material> materials;
+  sim::SolverOptions options;
   sim::Scene scene;  // as it runs, substeps included; the hand elsewhere
   sim::Stability stability;
 };

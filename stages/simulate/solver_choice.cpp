@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
 #include "sim/refusal.hpp"
+#include "sim/solvers/scheme_choice.hpp"
 
 namespace viscera {
 namespace {
@@ -18,9 +20,11 @@ using Words = std::vector<std::pair<const char*, Value>>;
 
 const Words<Method> methods = {
     {"xpbd", Method::xpbd}, {"pbd", Method::pbd}, {"tled", Method::tled}, {"fem", Method::fem}};
-const Words<Scheme> schemes = {{"gauss_seidel", Scheme::gauss_seidel},
-                               {"block_gauss_seidel", Scheme::block_gauss_seidel},
-                               {"jacobi", Scheme::jacobi}};
+const Words<std::optional<Scheme>> schemes = {  // none: as suits body and device
+    {"auto", std::nullopt},
+    {"gauss_seidel", Scheme::gauss_seidel},
+    {"block_gauss_seidel", Scheme::block_gauss_seidel},
+    {"jacobi", Scheme::jacobi}};
 const Words<Precision> precisions = {{"fp32", Precision::fp32}, {"fp64", Precision::fp64}};
 const Words<FemOptions::Time> fem_times = {{"implicit_euler", FemOptions::Time::implicit_euler},
                                            {"bdf2", FemOptions::Time::bdf2},
@@ -62,17 +66,32 @@ std::string number(double value) {
   return fmt::format("{}", value);
 }
 
+bool orders_elements(Method method) {
+  return method == Method::xpbd || method == Method::pbd;
+}
+
+// Whether choose_solver() will go to a device.
+bool goes_to_cuda(const StageRun& run, const sim::Scene& scene, const sim::SolverOptions& options) {
+  const std::string device = run.param<std::string>("device");
+  if (device != "auto") return device == "cuda";
+  return sim::what_cuda_lacks(scene, options).empty() && sim::find_cuda_device().name;
+}
+
 }  // namespace
 
 std::vector<Param> solver_params() {
   const sim::SolverOptions d;
-  Param threads =
-      whole("threads", d.threads, 0, 1024,
-            "CPU threads, 0 for all, at most the machine's; results do not depend on it");
+  Param threads = whole(
+      "threads", d.threads, 0, 1024,
+      "CPU threads, 0 for all, at most the machine's; one while others keep the cores so busy "
+      "that it is faster; results do not depend on it");
   threads.in_key = false;
   return {
       choice("solver", methods, "how the scene is solved"),
-      choice("scheme", schemes, "xpbd, pbd: the order of the elements"),
+      choice(
+          "scheme", schemes,
+          "xpbd, pbd: the order of the elements; auto: blocks on a CUDA device where they do all "
+          "that the scene asks for, colour by colour elsewhere"),
       whole("iterations", d.iterations, 1, 1e6, "xpbd, pbd: iterations a substep"),
       quantity("split", number(d.split), "1", 1.0, 1e3,
                "jacobi: factor on the denominator; 1 is explicit dynamics"),
@@ -98,26 +117,41 @@ std::vector<Param> solver_params() {
       threads};
 }
 
-sim::SolverOptions solver_options(const StageRun& run) {
+SolverChoice solver_choice(const StageRun& run, const sim::Model& model, const sim::Scene& scene) {
   sim::SolverOptions options{.method = chosen(run, "solver", methods),
-                             .scheme = chosen(run, "scheme", schemes),
                              .precision = chosen(run, "precision", precisions),
                              .iterations = run.param<int>("iterations"),
                              .split = run.param<double>("split"),
                              .block_tets = run.param<int>("block_tets"),
                              .stiffness = run.param<double>("stiffness"),
-                             .threads = run.param<int>("threads")};
+                             .threads = run.param<int>("threads"),
+                             .spares_threads = true};
   options.fem.time = chosen(run, "fem_time", fem_times);
   options.fem.step_error = run.param<double>("fem_step_error");
   options.fem.linear = chosen(run, "fem_linear", fem_linears);
   options.fem.tolerance = run.param<double>("fem_tolerance");
   options.fem.order = run.param<int>("fem_order");
   options.pause_point = log::check_interrupt;
-  return options;
+  if (const auto named = chosen(run, "scheme", schemes)) {
+    options.scheme = *named;
+    return {options, ""};
+  }
+  if (!orders_elements(options.method)) return {options, ""};
+  auto [scheme, why] = sim::choose_scheme(model, scene, options, goes_to_cuda(run, scene, options));
+  options.scheme = scheme;
+  return {options, std::move(why)};
+}
+
+std::string scheme_name(const sim::SolverOptions& options) {
+  if (!orders_elements(options.method)) return "";
+  for (const auto& [word, scheme] : schemes) {
+    if (scheme == options.scheme) return word;
+  }
+  return "";  // not reached: every scheme has a word
 }
 
 void check_what_pbd_ignores(const StageRun& run, const SceneFile& file) {
-  if (solver_options(run).method != Method::pbd) return;
+  if (chosen(run, "solver", methods) != Method::pbd) return;
   const auto refuse = [&](const std::string& field, const std::string& found) {
     throw Error(ExitCode::bad_config,
                 {.where = run.input("scene").string(),
@@ -158,8 +192,8 @@ void check_what_pbd_ignores(const StageRun& run, const SceneFile& file) {
 }
 
 std::unique_ptr<sim::Solver> choose_solver(StageRun& run, const sim::Model& model,
-                                           const sim::Scene& scene) {
-  const sim::SolverOptions options = solver_options(run);
+                                           const sim::Scene& scene,
+                                           const sim::SolverOptions& options) {
   const auto on_cpu = [&] { return sim::make_on_cpu(model, scene, options); };
   const std::string device = run.param<std::string>("device");
   if (device == "cpu") return on_cpu();

@@ -9,7 +9,17 @@ namespace viscera {
 
 std::vector<Param> solver_params();
 
-sim::SolverOptions solver_options(const StageRun& run);
+struct SolverChoice {
+  sim::SolverOptions options;
+  std::string why;  // this scheme; "": it was named, or the solver has none
+};
+
+// The options that the parameters name, for a scene before its policy has changed it: with `scheme:
+// auto` those of sim::choose_scheme().
+SolverChoice solver_choice(const StageRun& run, const sim::Model& model, const sim::Scene& scene);
+
+// The word for the order of the elements; "" where the solver has none.
+std::string scheme_name(const sim::SolverOptions& options);
 
 // Position based dynamics has no compliance: how stiff a body is is decided by `stiffness`, the
 // iterations and the substep. Throws Error(bad_config) where a run under PBD asks for what E or nu
@@ -20,6 +30,7 @@ void check_what_pbd_ignores(const StageRun& run, const SceneFile& file);
 // The solver on the device that the parameters name. `auto` falls back to the CPU and says so.
 // Throws sim::Refusal.
 std::unique_ptr<sim::Solver> choose_solver(StageRun& run, const sim::Model& model,
-                                           const sim::Scene& scene);
+                                           const sim::Scene& scene,
+                                           const sim::SolverOptions& options);
 
 }  // namespace viscera

@@ -98,6 +98,13 @@ void rehearse(const Schedule& schedule, sim::Model& model, sim::Scene& scene, si
   }
 }
 
+void report_scheme(StageRun& run, const sim::SolverOptions& options, const std::string& why) {
+  const std::string name = scheme_name(options);
+  if (name.empty()) return;
+  run.metric("scheme", name);
+  if (!why.empty()) log::info("scheme {}: {}", name, why);
+}
+
 // The numbers of the method that was asked for, and of no other: implicit finite elements have
 // none.
 void report_stability(StageRun& run, const sim::Stability& stability, const sim::Scene& scene,
@@ -248,7 +255,8 @@ void simulate(StageRun& run) {
   auto [file, mesh, model] = set_up(run);
   const Schedule schedule(file);
   const int asked_substeps = file.scene.time.substeps;
-  const sim::SolverOptions options = solver_options(run);
+  const auto [options, why] = solver_choice(run, model, file.scene);
+  report_scheme(run, options, why);
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
   report_stability(run, stability, file.scene, asked_substeps, options.method);
   report_locking(run, model, options);
@@ -256,7 +264,7 @@ void simulate(StageRun& run) {
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
 
   const auto begin = std::chrono::steady_clock::now();
-  const auto solver = choose_solver(run, model, file.scene);
+  const auto solver = choose_solver(run, model, file.scene, options);
   const std::chrono::duration<double> setup = std::chrono::steady_clock::now() - begin;
   run.machine_metric("setup_wall", setup.count(), "s");
   rehearse(schedule, model, file.scene, *solver);
@@ -354,7 +362,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "9",
+           .version = "10",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

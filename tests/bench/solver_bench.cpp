@@ -1,16 +1,23 @@
 // What a substep costs on this machine: nanoseconds a tet and substep, by method, scheme, precision
-// and number of threads, on a mesh of the tetmesh stage. Configurations take turns, round after
-// round, so that what else the machine does meets all of them; medians with their quartiles.
-//   bench_solver MESH.vtu [CSV]
+// and number of threads, and on a CUDA device where there is one, on meshes of the tetmesh stage.
+// Says too which scheme is chosen for those who name none, and how much slower it is than the
+// fastest. Configurations take turns, round after round, so that what else the machine does meets
+// all of them; medians with their quartiles.
+//   bench_solver CSV MESH.vtu…
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <map>
 #include <thread>
+#include <tuple>
 
+#include "sim/refusal.hpp"
 #include "sim/solvers/make.hpp"
+#include "sim/solvers/scheme_choice.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 
@@ -20,28 +27,42 @@ namespace {
 struct Row {
   std::string method, scheme;
   sim::SolverOptions options;
-  bool viscous = false;
+  bool viscous = true, on_device = false;
   std::unique_ptr<sim::Solver> solver = {};
   std::vector<double> ns = {};
+
+  // What orders the same elements another way competes with it.
+  auto contest() const {
+    return std::tuple(options.method, options.precision, options.iterations, viscous, on_device,
+                      options.threads);
+  }
 };
 
 std::vector<Row> rows() {
   using sim::Method, sim::Precision, sim::Scheme;
   std::vector<Row> all;
   const auto add = [&all](const char* method, const char* scheme, sim::SolverOptions options,
-                          bool viscous = false) {
-    for (const int threads : {1, 2}) {
+                          bool viscous = true) {
+    for (const int threads : {1, 2, 8}) {
+      if (threads > static_cast<int>(std::thread::hardware_concurrency())) continue;
       options.threads = threads;
       all.push_back({method, scheme, options, viscous});
     }
+    options.threads = 0;
+    const bool runs = options.iterations == 1 && sim::find_cuda_device().name;
+    if (runs) all.push_back({method, scheme, options, viscous, true});
   };
-  add("xpbd", "gauss_seidel", {});
-  add("xpbd", "gauss_seidel", {.precision = Precision::fp64});
-  add("xpbd", "gauss_seidel, viscosity", {}, true);
-  add("xpbd", "block_gauss_seidel", {.scheme = Scheme::block_gauss_seidel});
-  add("xpbd", "jacobi", {.scheme = Scheme::jacobi});
-  add("xpbd", "gauss_seidel, 2 iterations", {.iterations = 2});
-  add("tled", "explicit", {.method = Method::tled});
+  add("xpbd", "gauss_seidel", {}, false);
+  add("xpbd", "gauss_seidel", {.precision = Precision::fp64}, false);
+  add("xpbd", "gauss_seidel, viscosity", {});
+  for (const int block_tets : {0, 500, 2000, 8000}) {
+    const std::string size = block_tets ? fmt::format(" of {}", block_tets) : "";
+    add("xpbd", ("block_gauss_seidel" + size + ", viscosity").c_str(),
+        {.scheme = Scheme::block_gauss_seidel, .block_tets = block_tets});
+  }
+  add("xpbd", "jacobi, viscosity", {.scheme = Scheme::jacobi});
+  add("xpbd", "gauss_seidel, 2 iterations", {.iterations = 2}, false);
+  add("tled", "explicit", {.method = Method::tled}, false);
   return all;
 }
 
@@ -50,8 +71,19 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
 }
 
-void run(const char* mesh_file, const char* csv_file) {
-  constexpr int rounds = 15, substeps = 64;
+sim::Scene scene_of(const Row& row, int substeps) {
+  sim::Scene scene;
+  scene.params<sim::NeoHookean>().emplace_back();
+  scene.params<sim::Gravity>().emplace_back();
+  if (row.viscous) scene.params<sim::Viscosity>().emplace_back();
+  scene.time.frame_s = 1e-3;
+  scene.time.substeps = substeps;
+  return scene;
+}
+
+// Rows of a CSV, which are printed too.
+std::string run(const char* mesh_file) {
+  constexpr int substeps = 64;
   const TetMesh mesh = read_vtu(mesh_file);
   std::map<int, sim::Material> materials;
   for (const auto& [label, name] : mesh.label_names) {
@@ -59,16 +91,18 @@ void run(const char* mesh_file, const char* csv_file) {
         .youngs_modulus = 5e3, .poisson_ratio = 0.45, .density = 1060.0, .damping = 0.01};
   }
   const sim::Model model = make_body(mesh, materials);
+  const int rounds = std::clamp(static_cast<int>(1'000'000 / model.tet_count()), 3, 15);
   std::vector<Row> table = rows();
-  for (Row& row : table) {
-    sim::Scene scene;
-    scene.params<sim::NeoHookean>().emplace_back();
-    scene.params<sim::Gravity>().emplace_back();
-    if (row.viscous) scene.params<sim::Viscosity>().emplace_back();
-    scene.time.frame_s = 1e-3;
-    scene.time.substeps = substeps;
-    row.solver = make_on_cpu(model, scene, row.options);
-  }
+  std::erase_if(table, [&](Row& row) {
+    const sim::Scene scene = scene_of(row, substeps);
+    try {
+      row.solver = row.on_device ? make_on_cuda(model, scene, row.options)
+                                 : make_on_cpu(model, scene, row.options);
+    } catch (const sim::Refusal&) {  // a block that has no room on the device
+      return true;
+    }
+    return false;
+  });
   for (int round = 0; round <= rounds; ++round) {
     for (Row& row : table) {
       const auto begin = std::chrono::steady_clock::now();
@@ -80,30 +114,46 @@ void run(const char* mesh_file, const char* csv_file) {
       if (round > 0) row.ns.push_back(took.count() / work);  // the first warms up
     }
   }
-  std::string csv = "tets,method,scheme,precision,threads,ns_per_tet_substep,q1,q3,speedup\n";
+  std::map<decltype(table[0].contest()), double> fastest;
+  for (const Row& row : table) {
+    double& ns = fastest.try_emplace(row.contest(), HUGE_VAL).first->second;
+    ns = std::min(ns, quantile(row.ns, 0.5));
+  }
   fmt::print("{} tets, {} rounds of {} substeps; ns a tet, substep and iteration\n",
              model.tet_count(), rounds, substeps);
-  fmt::print("{:6} {:28} {:5} {:>7} {:>7} {:>15} {:>8}\n", "method", "scheme", "", "threads", "ns",
-             "quartiles", "speed-up");
+  fmt::print("{:6} {:38} {:5} {:>7} {:>7} {:>15} {:>8} {:>10} {}\n", "method", "scheme", "",
+             "threads", "ns", "quartiles", "speed-up", "of fastest", "auto");
+  std::string csv;
   double single = 0.0;
   for (const Row& row : table) {
     const double median = quantile(row.ns, 0.5), q1 = quantile(row.ns, 0.25),
-                 q3 = quantile(row.ns, 0.75);
+                 q3 = quantile(row.ns, 0.75), share = median / fastest[row.contest()];
     if (row.options.threads == 1) single = median;
+    const sim::SchemeChoice choice =
+        sim::choose_scheme(model, scene_of(row, substeps), row.options, row.on_device);
+    const bool chosen = row.options.method == sim::Method::xpbd &&
+                        row.options.scheme == choice.scheme && row.options.block_tets == 0;
     const char* precision = row.options.precision == sim::Precision::fp32 ? "fp32" : "fp64";
-    fmt::print("{:6} {:28} {:5} {:7} {:7.1f} {:7.1f} {:7.1f} {:8.2f}\n", row.method, row.scheme,
-               precision, row.options.threads, median, q1, q3, single / median);
-    csv += fmt::format("{},{},\"{}\",{},{},{:.2f},{:.2f},{:.2f},{:.3f}\n", model.tet_count(),
-                       row.method, row.scheme, precision, row.options.threads, median, q1, q3,
-                       single / median);
+    const std::string threads = row.on_device ? "cuda" : std::to_string(row.options.threads);
+    fmt::print("{:6} {:38} {:5} {:>7} {:7.2f} {:7.2f} {:7.2f} {:8.2f} {:10.2f} {}\n", row.method,
+               row.scheme, precision, threads, median, q1, q3, single / median, share,
+               chosen ? "yes" : "");
+    csv += fmt::format("{},{},\"{}\",{},{},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f},{}\n",
+                       model.tet_count(), row.method, row.scheme, precision, threads, median, q1,
+                       q3, single / median, share, chosen ? "yes" : "no");
   }
-  if (csv_file) std::ofstream(csv_file) << csv;
+  return csv;
 }
 
 }  // namespace
 }  // namespace viscera
 
 int main(int argc, char** argv) {
-  if (argc < 2) return std::fputs("usage: bench_solver MESH.vtu [CSV]\n", stderr), 2;
-  viscera::run(argv[1], argc > 2 ? argv[2] : nullptr);
+  if (argc < 3) return std::fputs("usage: bench_solver CSV MESH.vtu…\n", stderr), 2;
+  std::string csv =
+      "tets,method,scheme,precision,threads,ns_per_tet_substep,q1,q3,speedup,of_fastest,auto\n";
+  for (int i = 2; i < argc; ++i) {
+    csv += viscera::run(argv[i]);
+    std::ofstream(argv[1]) << csv;  // what there is, if a later mesh takes too long
+  }
 }

@@ -6,6 +6,7 @@
 
 #include "sim/partition.hpp"
 #include "sim/refusal.hpp"
+#include "sim/solvers/scheme_choice.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -184,6 +185,44 @@ TEST(Blocks, AreAsCompactAsABodyAllows) {
   for (const auto& tet : model.tets) vertices[blocks.block_of(tet)].insert(tet.begin(), tet.end());
   // Octants of 3 x 3 x 3 cells.
   for (const auto& own : vertices) EXPECT_EQ(own.size(), 64u);
+}
+
+// A free body that is damped as livers are.
+Scene damped_scene() {
+  Scene scene = elastic_scene();
+  scene.params<Viscosity>().emplace_back();
+  scene.params<Gravity>().emplace_back();
+  return scene;
+}
+
+TEST(SchemeChoice, IsBlocksOnADeviceAndByColoursOnACpu) {
+  const Model model = make_cube(2, soft_tissue);
+  EXPECT_EQ(choose_scheme(model, damped_scene(), {}, true).scheme, Scheme::block_gauss_seidel);
+  EXPECT_EQ(choose_scheme(model, damped_scene(), {}, false).scheme, Scheme::gauss_seidel);
+}
+
+TEST(SchemeChoice, IsByColoursWhereBlocksOnADeviceLackWhatTheSceneAsksFor) {
+  const Model model = make_cube(2, soft_tissue);
+  const auto chosen = [&](const Scene& scene, SolverOptions options = {}) {
+    const SchemeChoice choice = choose_scheme(model, scene, options, true);
+    EXPECT_FALSE(choice.why.empty());
+    return choice.scheme;
+  };
+  Scene folds = damped_scene();
+  folds.params<SelfContact>().emplace_back();
+  EXPECT_EQ(chosen(folds), Scheme::gauss_seidel);
+  Scene exact = damped_scene();
+  exact.accuracy_limit = 0.01;
+  EXPECT_EQ(chosen(exact), Scheme::gauss_seidel);
+  EXPECT_EQ(chosen(damped_scene(), {.iterations = 2}), Scheme::gauss_seidel);
+  EXPECT_EQ(chosen(elastic_scene()), Scheme::gauss_seidel) << "its rebound is of second order";
+  Scene first_order = elastic_scene();
+  first_order.time.order = 1;
+  EXPECT_EQ(chosen(first_order), Scheme::block_gauss_seidel);
+  const Model stiff = make_cube(
+      4, {.youngs_modulus = 264e3, .poisson_ratio = 0.45, .density = 1060.0, .damping = 0.02});
+  EXPECT_EQ(choose_scheme(stiff, damped_scene(), {}, true).scheme, Scheme::gauss_seidel)
+      << "by colours its damping is solved for";
 }
 
 }  // namespace

@@ -16,6 +16,13 @@ std::optional<double> ComparedRun::metric(const std::string& wanted) const {
   return std::nullopt;
 }
 
+std::optional<std::string> ComparedRun::text_metric(const std::string& wanted) const {
+  for (const auto& metric : manifest["metrics"]) {
+    if (metric["name"] == wanted && metric["value"].is_string()) return metric["value"];
+  }
+  return std::nullopt;
+}
+
 std::string ComparedRun::param(const std::string& wanted) const {
   const Json& params = manifest["params"];
   if (!params.contains(wanted) || params[wanted].is_null()) return "";

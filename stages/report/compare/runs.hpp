@@ -18,8 +18,9 @@ struct ComparedRun {
   Json series;  // {column: [numbers]} of metrics.csv
   std::shared_ptr<const TrajectoryReader> trajectory;
 
-  // Of the manifest; none where it is absent or not a number.
+  // Of the manifest; none where it is absent, or not a number, or not a text.
   std::optional<double> metric(const std::string& name) const;
+  std::optional<std::string> text_metric(const std::string& name) const;
   std::string param(const std::string& name) const;       // as text; empty when unset
   std::string input(const std::string& role) const;       // digest; empty when there was none
   std::string input_name(const std::string& role) const;  // of its file, without the extension

@@ -15,6 +15,12 @@ std::string device_of(const ComparedRun& run) {
   return device.substr(0, device.find(','));
 }
 
+// What `scheme: auto` has chosen.
+std::string scheme_of(const ComparedRun& run) {
+  const std::string asked = run.param("scheme");
+  return asked == "auto" ? run.text_metric("scheme").value_or("gauss_seidel") : asked;
+}
+
 }  // namespace
 
 Json setting_of(const ComparedRun& run) {
@@ -23,6 +29,7 @@ Json setting_of(const ComparedRun& run) {
     if (!no_setting.contains(name)) setting[name] = value;
   }
   setting["substeps"] = run.metric("substeps").value_or(0.0);
+  setting["scheme"] = scheme_of(run);
   setting["device"] = device_of(run);
   return setting;
 }
@@ -32,7 +39,7 @@ std::string method_of(const ComparedRun& run) {
 }
 
 std::string label_of(const ComparedRun& run) {
-  const std::string scheme = run.param("scheme");
+  const std::string scheme = scheme_of(run);
   const int substeps = static_cast<int>(run.metric("substeps").value_or(0.0));
   std::string label = method_of(run);
   if (run.param("solver") == "fem") {
@@ -54,7 +61,7 @@ std::string label_of(const ComparedRun& run) {
 bool matches(const ComparedRun& run, const Json& wanted) {
   for (const auto& [name, value] : wanted.items()) {
     const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
-    if (run.param(name) != text) return false;
+    if ((name == "scheme" ? scheme_of(run) : run.param(name)) != text) return false;
   }
   return true;
 }
