@@ -35,6 +35,17 @@ SIM_HD Vec3<T> carried_on(const Vec3<T>& offset, const Vec3<T>& d, const Vec3<T>
   return T(0.5) * offset + (mean - d);
 }
 
+// Rate forces act on copies of a vertex before an obstacle stops it, with `correction`, and other
+// blocks do not know of it. What they did along its normal is taken back from a copy that would
+// have gone on by `inertial`: the obstacle decides where the vertex is along its normal whatever
+// the velocity. With it a velocity v of a vertex at rest became -s v in every substep, s the share
+// that damping takes, and single vertices went to and fro for ever from s = 1/2 on.
+template <class T>
+SIM_HD void take_back_along(const Vec3<T>& correction, const Vec3<T>& inertial, Vec3<T>& damped) {
+  const T per_square = T(1) / dot(correction, correction);
+  damped -= (per_square * dot(correction, damped - inertial)) * correction;
+}
+
 class Blocks {
  public:
   // The tets, by their centroids, halved again and again across the longest side of their box until

@@ -26,13 +26,13 @@ inline constexpr std::size_t bank_bytes = 128;  // that shared memory serves at 
 // needs no barrier but its own; where blocks are large it costs its arithmetic. In a whole body a
 // vertex is split only where it meets more elements than there are phases anyway.
 inline constexpr int one_warp = 32;
-struct Team {
+struct BlockTeam {
   int lanes, most_elements;
   int most_in_color = lanes;
   bool linearizes = true;
   bool whole = false;
 };
-inline Team team_for(int tets_per_block, int tets) {
+inline BlockTeam team_for(int tets_per_block, int tets) {
   if (tets_per_block <= 640) return {one_warp, 16};
   if (tets_per_block <= 2500) return {128, 16, 128, false};
   constexpr int lanes = 256, least = 20;
@@ -155,7 +155,7 @@ class BlockLayout {
   // A busy vertex has several copies in one block, none of which meets more than team.most_elements
   // of an effect, since every element that a copy meets is a phase of its own.
   template <class T>
-  BlockLayout(const Model& model, const Program<T>& program, int tets_per_block, Team team)
+  BlockLayout(const Model& model, const Program<T>& program, int tets_per_block, BlockTeam team)
       : blocks_(model, tets_per_block), split_(blocks_.count(), model.vertex_count()), team_(team) {
     std::vector<char> touched(model.vertex_count());
     std::vector<std::map<int, int>> parts(block_count());  // of the vertices with more than one
@@ -186,7 +186,8 @@ class BlockLayout {
   }
 
   int block_count() const { return blocks_.count(); }
-  const Team& team() const { return team_; }
+  const BlockTeam& team() const { return team_; }
+  const SplitVertices& split() const { return split_; }
   std::span<const int> copies_of(int vertex) const { return split_.copies_of(vertex); }
   Range copies_in(int block) const { return split_.range_of({block, block + 1}); }
   // Those of vertices with several, here or elsewhere: the first of the block's.
@@ -394,7 +395,7 @@ class BlockLayout {
 
   Blocks blocks_;
   SplitVertices split_;
-  Team team_;
+  BlockTeam team_;
   std::vector<LocalVertex> locals_;
   std::vector<int> local_begin_;             // [blocks + 1]
   std::vector<int> shared_end_;              // [blocks]

@@ -261,10 +261,7 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
 
 // Between the rate forces and all others: what begin_local() has left out. Copies that rate forces
 // have led apart are all given the same, that of a vertex without damping: other blocks know no
-// more. Where that touches an obstacle, which decides where the vertex is along its normal whatever
-// the velocity, they lose what rate forces have done along it: with that, a velocity v of a vertex
-// at rest became -s v in every substep, s the share that damping takes, and single vertices went to
-// and fro for ever from s = 1/2 on.
+// more. Where that touches an obstacle, they lose what rate forces have done along its normal.
 template <EffectSet set = all_effects, class T>
 SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                        int i) {
@@ -282,11 +279,7 @@ SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const Bl
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto&, int k) {
     const Vec3<T> correction = x.corrections[k * x.count + i];
     if (!touches(correction)) return;
-    const T per_square = T(1) / dot(correction, correction);
-    now.for_each_copy([&](int copy) {
-      Vec3<T>& damped = x.d[copy].v;
-      damped -= (per_square * dot(correction, damped - inertial)) * correction;
-    });
+    now.for_each_copy([&](int copy) { take_back_along(correction, inertial, x.d[copy].v); });
   });
   now.for_each_copy([&](int copy) { x.d[copy].v += more + offset_now<set>(scene, x, copy, now); });
 }

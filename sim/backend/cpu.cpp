@@ -19,7 +19,7 @@ namespace {
 // What one effect keeps on the CPU beside its Prepared data.
 template <class Effect, class T, EffectKind kind = Effect::kind>
 struct OnCpu {
-  OnCpu(const Prepared<Effect, T>&, const ElementLayout&) {}
+  OnCpu(const Prepared<Effect, T>&, const ElementLayout<T>&) {}
   void retune(const Prepared<Effect, T>&) {}
 };
 template <class Effect, class T>
@@ -38,7 +38,7 @@ template <class Effect, class T>
 struct OnCpu<Effect, T, EffectKind::contact> {
   std::vector<Vec3<T>> correction;  // [n] m, in this substep; 0: not in contact
 
-  OnCpu(const Prepared<Effect, T>&, const ElementLayout& layout) : correction(layout.vertices) {}
+  OnCpu(const Prepared<Effect, T>&, const ElementLayout<T>& layout) : correction(layout.vertices) {}
   void retune(const Prepared<Effect, T>&) {}
 };
 
@@ -80,7 +80,7 @@ class CpuSolver final : public Solver {
     last_ = program_.added_before({still, still});
     // Multipliers of several iterations, and the projections of PBD, are no forces to carry on.
     const bool carries = arithmetic_of(options, 0) == Arithmetic::xpbd_only;
-    if (layout_.split) copies_.emplace(*layout_.split, carries);
+    if (layout_.blocks) copies_.emplace(layout_.blocks->split(), carries);
   }
 
   void advance_frame() override {
@@ -257,20 +257,34 @@ class CpuSolver final : public Solver {
   // which even at rest is not zero, and not the same for vertices that are held and for those that
   // are not.
   void damp(int rank, Range mine, Lap& lap) {
-    bool begun = false;
-    Effects::for_each([&]<class Effect, std::size_t i>() {
-      if constexpr (is_rate_force<Effect>) {
-        for (auto& own : std::get<i>(own_)) {
-          if (!begun) begin_motions(mine), team_.barrier();
-          begun = true;
-          for (int pass = 0; pass < program_.viscous_step.passes; ++pass) {
-            sweep_colors(own, sweep_of<Effect>(Arithmetic::xpbd_only), rank);
-          }
-          lap.took(i);
-        }
+    if (!has_rate_forces()) return;
+    begin_motions(mine);
+    team_.barrier();
+    if (damps_copies()) copies_->take(copies_of(rank), u_, d_);
+    for_each_rate_force([&]<class Effect>(auto& own) {
+      const Sweep<T> sweep = sweep_of<Effect>(Arithmetic::xpbd_only);
+      for (int pass = 0; pass < program_.viscous_step.passes; ++pass) {
+        own.in_blocks() ? sweep_own_blocks(own, sweep, rank) : sweep_colors(own, sweep, rank);
       }
+      lap.took(Effects::index_of<Effect>());
+    });
+    if (!damps_copies()) return;
+    copies_->give_those_alone(copies_of(rank), d_);
+    team_.barrier();
+  }
+  template <class Function>
+  void for_each_rate_force(Function&& function) {
+    for_each_slot<EffectKind::element>(own_, [&]<class Effect>(auto& own) {
+      if constexpr (is_rate_force<Effect>) function.template operator()<Effect>(own);
     });
   }
+  bool has_rate_forces() {
+    bool result = false;
+    for_each_rate_force([&result]<class Effect>(const auto&) { result = true; });
+    return result;
+  }
+  // Whether they act on the copies of the vertices.
+  bool damps_copies() const { return copies_ && !layout_.holds && !layout_.solves_damping; }
   // The same implicitly, and less often.
   void solve_damping(int rank, Range mine, std::uint64_t step, Lap& lap) {
     if (!program_.viscous_step.is_due(step)) return;
@@ -365,7 +379,7 @@ class CpuSolver final : public Solver {
         }
       }
     });
-    if (copies_) sweep_blocks(arithmetic, rank, mine, lap);
+    if (copies_) sweep_blocks(arithmetic, iteration, rank, mine, lap);
   }
 
   template <class Effect>
@@ -418,27 +432,59 @@ class CpuSolver final : public Solver {
     return sum;
   }
 
-  // Each thread sweeps its blocks, effect after effect, on their copies of the vertices.
-  void sweep_blocks(Arithmetic arithmetic, int rank, Range mine, Lap& lap) {
-    const Range blocks = part_of({0, layout_.blocks->count()}, rank, team_.size());
-    copies_->take(layout_.split->range_of(blocks), u_, d_);
-    Effects::for_each([&]<class Effect, std::size_t i>() {
-      if constexpr (Effect::kind == EffectKind::element) {
-        for (auto& own : std::get<i>(own_)) {
-          if (!own.in_blocks()) continue;
-          SweepFields<T> fields = fields_of(own);
-          copies_->use(fields);
-          for (const Range color : own.colors_of(blocks)) {
-            sweeps_[static_cast<int>(arithmetic)][i](own.packed.groups.data(), color, fields);
+  // Each thread has its blocks.
+  Range blocks_of(int rank) const {
+    return part_of({0, layout_.blocks->block_count()}, rank, team_.size());
+  }
+  Range copies_of(int rank) const { return layout_.blocks->split().range_of(blocks_of(rank)); }
+
+  template <class Elements>
+  void sweep_own_blocks(Elements& own, Sweep<T> sweep, int rank) {
+    SweepFields<T> fields = fields_of(own);
+    copies_->use(fields);
+    for (const Range color : own.colors_of(blocks_of(rank))) {
+      sweep(own.packed.groups.data(), color, fields);
+    }
+  }
+
+  // Effect after effect, on the blocks' copies of the vertices.
+  void sweep_blocks(Arithmetic arithmetic, int iteration, int rank, Range mine, Lap& lap) {
+    const Range copies = copies_of(rank);
+    if (iteration == 0 && damps_copies() && has_rate_forces()) {
+      lead_copies(copies);
+    } else {
+      copies_->take(copies, u_, d_);
+    }
+    const auto sweep_those = [&](bool constraints) {
+      Effects::for_each([&]<class Effect, std::size_t i>() {
+        if constexpr (Effect::kind == EffectKind::element && !is_rate_force<Effect>) {
+          if (is_constraint<Effect> != constraints) return;
+          for (auto& own : std::get<i>(own_)) {
+            if (!own.in_blocks()) continue;
+            sweep_own_blocks(own, sweep_of<Effect>(arithmetic), rank);
+            lap.took(i);
           }
-          lap.took(i);
         }
-      }
-    });
+      });
+    };
+    if (iteration == 0) sweep_those(false);
+    copies_->offset(copies);
+    sweep_those(true);
     team_.barrier();
     copies_->average(mine, d_);
     team_.barrier();
     lap.took(step_part);
+  }
+  // Copies that rate forces have led apart get what forces, motions and contacts have done.
+  void lead_copies(Range copies) {
+    const T acts = program_.rule.acts;
+    copies_->lead(copies, d_, [&](int v, Vec3<T>& damped) {
+      const Vec3<T> inertial = acts * v_[v];
+      for_each_contact([&]<class Effect>(const auto&, const std::vector<Vec3<T>>& correction) {
+        if (touches(correction[v])) take_back_along(correction[v], inertial, damped);
+      });
+      damped += d_[v].v - inertial;
+    });
   }
 
   // function(own, index of the effect)
@@ -515,7 +561,7 @@ class CpuSolver final : public Solver {
   Program<T> program_;
   SolverOptions options_;
   TimeRule<T> rule_;  // of the frame at hand
-  ElementLayout layout_;
+  ElementLayout<T> layout_;
   SweepConstants<T> constants_;
   Effects::Slots<Slot> own_;
   std::optional<VertexCopies<T>> copies_;  // block Gauss-Seidel only

@@ -5,40 +5,37 @@
 #include <numeric>
 #include <optional>
 
+#include "sim/backend/block_layout.hpp"
 #include "sim/backend/cpu_sweep.hpp"
-#include "sim/partition.hpp"
+#include "sim/coloring.hpp"
 #include "sim/solvers/options.hpp"
 
 namespace viscera::sim {
 
 // What all effects of a run share.
+template <class T>
 struct ElementLayout {
   int vertices;
   Scheme scheme;
-  bool iterates;                 // several iterations a substep: multipliers are kept
-  bool holds;                    // elements hold their forces (held_forces.hpp)
-  bool solves_damping;           // rate forces are summed by vertex, and not lowered
-  std::optional<Blocks> blocks;  // block Gauss-Seidel only
-  std::optional<SplitVertices> split;
+  bool iterates;        // several iterations a substep: multipliers are kept
+  bool holds;           // elements hold their forces (held_forces.hpp)
+  bool solves_damping;  // rate forces are summed by vertex, and not lowered
+  const Program<T>& program;
+  std::optional<BlockLayout> blocks;  // block Gauss-Seidel only
 
-  template <class T>
-  ElementLayout(const Model& model, const Program<T>& program, const SolverOptions& options)
+  ElementLayout(const Model& model, const Program<T>& of, const SolverOptions& options)
       : vertices(static_cast<int>(model.vertex_count())),
         scheme(options.method == Method::tled ? Scheme::gauss_seidel : options.scheme),
         iterates(sim::iterates(options)),
         holds(options.method == Method::xpbd && options.hold > 0.0),
-        solves_damping(program.viscous_step) {
+        solves_damping(of.viscous_step),
+        program(of) {
     if (scheme != Scheme::block_gauss_seidel) return;
     constexpr int own_choice = 400;
-    blocks.emplace(model, options.block_tets > 0 ? options.block_tets : own_choice);
-    split.emplace(blocks->count(), model.vertex_count());
-    for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
-      if (!is_constraint<Effect>) return;
-      for (const auto& vertices_of : effect.vertices) {
-        split->touch(blocks->block_of(vertices_of), vertices_of);
-      }
-    });
-    split->number_copies();
+    const int tets_per_block = options.block_tets > 0 ? options.block_tets : own_choice;
+    BlockTeam team = team_for(tets_per_block, static_cast<int>(model.tet_count()));
+    team.linearizes = false;
+    blocks.emplace(model, program, tets_per_block, team);
   }
 };
 
@@ -48,27 +45,23 @@ struct CpuElements {
   Packed packed;
   std::vector<Vec3<T>> impulses;  // Jacobi only: [groups * arity * W] N
 
-  CpuElements(const Prepared<Effect, T>& elements, const ElementLayout& layout)
-      : elements_(elements.vertices.size()) {
+  CpuElements(const Prepared<Effect, T>& elements, const ElementLayout<T>& layout)
+      : layout_(&layout), elements_(elements.vertices.size()) {
     const Scheme scheme = scheme_in(layout);
     if (scheme == Scheme::block_gauss_seidel) {
-      lay_out_blocks(elements, layout);
+      lay_out_blocks(elements);
     } else {
-      std::vector<int> all(elements.vertices.size());
-      std::iota(all.begin(), all.end(), 0);
-      packed.append(all, elements.vertices, {0, layout.vertices}, elements.rest);
+      lay_out_colors(elements);
     }
     const std::size_t lanes = packed.groups.size() * Packed::width;
     if (layout.iterates) packed.kept.resize(lanes * Effect::rows);
     if (layout.holds) packed.kept.resize(lanes * held_by<Effect>);
     packed.memory.resize(lanes * Packed::memory_size);
-    if (scheme == Scheme::jacobi) lay_out_slots(layout);
+    if (scheme == Scheme::jacobi) lay_out_slots();
   }
 
   void retune(const Prepared<Effect, T>& elements) {
-    for (std::size_t at = 0; at < packed.element_of.size(); ++at) {
-      packed.put_rest(at, elements.rest[packed.element_of[at]]);
-    }
+    in_blocks() ? set_rest_in_blocks(elements) : packed.set_rest(elements.rest);
   }
 
   bool in_blocks() const { return !block_colors_.empty(); }
@@ -122,31 +115,68 @@ struct CpuElements {
     }
   }
 
-  static Scheme scheme_in(const ElementLayout& layout) {
+  // A force is taken in full: its stability is that of one element after the other. In blocks it
+  // acts on their copies of the vertices, but where elements hold what they add to a vertex: what
+  // damping adds is no force to hold.
+  static Scheme scheme_in(const ElementLayout<T>& layout) {
     if (is_rate_force<Effect> && layout.solves_damping) return Scheme::jacobi;
-    // A force is taken in full: its stability is that of one element after the other.
-    return is_constraint<Effect> ? layout.scheme : Scheme::gauss_seidel;
+    if (is_constraint<Effect>) return layout.scheme;
+    const bool in_blocks = layout.scheme == Scheme::block_gauss_seidel && !layout.holds;
+    return in_blocks ? layout.scheme : Scheme::gauss_seidel;
   }
 
-  void lay_out_blocks(const Prepared<Effect, T>& elements, const ElementLayout& layout) {
-    std::vector<std::vector<int>> members(layout.blocks->count());
-    for (std::size_t e = 0; e < elements.vertices.size(); ++e) {
-      members[layout.blocks->block_of(elements.vertices[e])].push_back(static_cast<int>(e));
+  void lay_out_colors(const Prepared<Effect, T>& elements) {
+    const Coloring coloring = color_elements<Effect::arity>(
+        std::span<const typename Packed::Vertices>(elements.vertices), layout_->vertices);
+    for (int color = 0; color < coloring.color_count(); ++color) {
+      const auto begin = coloring.order.begin();
+      const std::span<const int> members(begin + coloring.color_begin[color],
+                                         begin + coloring.color_begin[color + 1]);
+      std::vector<typename Packed::Vertices> vertices;
+      for (const int e : members) vertices.push_back(elements.vertices[e]);
+      packed.append_color(members, vertices);
     }
-    for (int block = 0; block < layout.blocks->count(); ++block) {
+    packed.set_rest(elements.rest);
+  }
+
+  void lay_out_blocks(const Prepared<Effect, T>& elements) {
+    const BlockLayout& blocks = *layout_->blocks;
+    const auto placed = blocks.lay_out(elements, layout_->program, true);
+    // Each element counts its vertices as everywhere: what it holds goes by their order.
+    placement_.element_of = placed.element_of;
+    placement_.roles.assign(elements_, in_order<Effect::arity>());
+    std::vector<typename Packed::Vertices> vertices;
+    for (int block = 0; block < blocks.block_count(); ++block) {
       block_colors_.push_back(static_cast<int>(packed.colors.size()));
-      std::vector<typename Packed::Vertices> copies;
-      for (const int e : members[block]) {
-        auto& element = copies.emplace_back(elements.vertices[e]);
-        for (int& v : element) v = layout.split->copy_of(block, v);
+      const Range phases = placed.phases_of(block);
+      for (int phase = phases.begin; phase < phases.end; ++phase) {
+        const int begin = placed.phase_begin[phase], end = placed.phase_begin[phase + 1];
+        vertices.clear();
+        for (int e = begin; e < end; ++e) {
+          auto& copies = vertices.emplace_back();
+          for (int i = 0; i < Effect::arity; ++i) {
+            copies[placed.roles[e][i]] = blocks.copies_in(block).begin + placed.vertices[e][i];
+          }
+        }
+        packed.append_color(std::span(placed.element_of).subspan(begin, end - begin), vertices);
       }
-      packed.append(members[block], copies, layout.split->range_of({block, block + 1}),
-                    elements.rest);
     }
     block_colors_.push_back(static_cast<int>(packed.colors.size()));
+    set_rest_in_blocks(elements);
+  }
+  // What one sweep takes from an element's stiffness is given back where there is but one.
+  void set_rest_in_blocks(const Prepared<Effect, T>& elements) {
+    const bool in_one_sweep = !layout_->iterates && !layout_->holds;
+    const auto placed =
+        layout_->blocks->rest_of(elements, layout_->program, placement_, !in_one_sweep);
+    std::vector<typename Packed::Rest> rest(elements_);
+    for (std::size_t at = 0; at < placed.size(); ++at) {
+      rest[placement_.element_of[at]] = placed[at].rest;
+    }
+    packed.set_rest(rest);
   }
 
-  void lay_out_slots(const ElementLayout& layout) {
+  void lay_out_slots() {
     constexpr int width = Packed::width, arity = Effect::arity;
     impulses.resize(packed.groups.size() * arity * width);
     const auto for_each_impulse = [this](auto&& function) {
@@ -158,7 +188,7 @@ struct CpuElements {
         }
       }
     };
-    slots_begin_.assign(layout.vertices + 1, 0);
+    slots_begin_.assign(layout_->vertices + 1, 0);
     for_each_impulse([this](int vertex, int) { ++slots_begin_[vertex + 1]; });
     std::partial_sum(slots_begin_.begin(), slots_begin_.end(), slots_begin_.begin());
     slots_.resize(slots_begin_.back());
@@ -166,12 +196,15 @@ struct CpuElements {
     for_each_impulse([&](int vertex, int slot) { slots_[next[vertex]++] = slot; });
   }
 
-  std::vector<int> block_colors_;  // [blocks + 1], block Gauss-Seidel only
+  const ElementLayout<T>* layout_;
+  Placement<Effect::arity> placement_;  // in blocks
+  std::vector<int> block_colors_;       // [blocks + 1], in blocks
   std::vector<int> slots_, slots_begin_;
   std::size_t elements_;
 };
 
-// The copies of the vertices that blocks work on.
+// The copies of the vertices that blocks work on, in a substep's order (block_step.hpp has the same
+// for a device).
 template <class T>
 class VertexCopies {
  public:
@@ -183,12 +216,38 @@ class VertexCopies {
         d_(split.count()),
         carried_(split.count()) {}
 
+  // All where their vertices are.
   void take(Range copies, const std::vector<Row<T>>& u, const std::vector<Row<T>>& d) {
     for (int copy = copies.begin; copy < copies.end; ++copy) {
       const int v = split_.vertex_of(copy);
       u_[copy] = u[v];
-      d_[copy] = {d[v].v + before_sweep(carried_[copy]),
-                  static_cast<T>(split_.copies_of(v).size()) * d[v].w};
+      d_[copy] = {d[v].v, static_cast<T>(split_.copies_of(v).size()) * d[v].w};
+    }
+  }
+  // After rate forces: of vertices with several copies no block knows all.
+  void give_those_alone(Range copies, std::vector<Row<T>>& d) const {
+    for (int copy = copies.begin; copy < copies.end; ++copy) {
+      const int v = split_.vertex_of(copy);
+      if (is_alone(v)) d[v].v = d_[copy].v;
+    }
+  }
+  // After forces, motions and contacts, which lead a vertex from d to where it is now: all copies
+  // get the same, load(v, d of the copy).
+  template <class Load>
+  void lead(Range copies, const std::vector<Row<T>>& d, Load&& load) {
+    for (int copy = copies.begin; copy < copies.end; ++copy) {
+      const int v = split_.vertex_of(copy);
+      if (is_alone(v)) {
+        d_[copy].v = d[v].v;
+      } else {
+        load(v, d_[copy].v);
+      }
+    }
+  }
+  // Before the constraints.
+  void offset(Range copies) {
+    for (int copy = copies.begin; copy < copies.end; ++copy) {
+      d_[copy].v += before_sweep(carried_[copy]);
     }
   }
   void use(SweepFields<T>& fields) {
@@ -198,7 +257,6 @@ class VertexCopies {
   void average(Range vertices, std::vector<Row<T>>& d) {
     for (int v = vertices.begin; v < vertices.end; ++v) {
       const auto copies = split_.copies_of(v);
-      if (copies.empty()) continue;
       const auto moved = [&](int copy) { return d_[copy].v - d[v].v; };
       Vec3<T> mean;
       for (const int copy : copies) mean += moved(copy);
@@ -215,6 +273,8 @@ class VertexCopies {
   void load(const State& state) { carried_ = state.carried_by<T>(carried_.size()); }
 
  private:
+  bool is_alone(int vertex) const { return split_.copies_of(vertex).size() == 1; }
+
   const SplitVertices& split_;
   bool carries_;
   std::vector<Row<T>> u_, d_;

@@ -11,7 +11,7 @@ namespace viscera::sim {
 template <class Effect, class T>
 class CpuRegions {
  public:
-  CpuRegions(const Prepared<Effect, T>& prepared, const ElementLayout& layout)
+  CpuRegions(const Prepared<Effect, T>& prepared, const ElementLayout<T>& layout)
       : data_(prepared.regions),
         squared_phase_(prepared.squared_phase),
         fits_(data_.regions.size()),

@@ -16,7 +16,7 @@ template <class T>
 class CpuSelfContact {
  public:
   template <class Effect>
-  CpuSelfContact(const Prepared<Effect, T>& prepared, const ElementLayout&)
+  CpuSelfContact(const Prepared<Effect, T>& prepared, const ElementLayout<T>&)
       : pairs_(prepared.pairs),
         rest_(prepared.rest),
         thickness_(prepared.params.thickness),

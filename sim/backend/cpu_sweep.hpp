@@ -2,6 +2,7 @@
 // the same bits.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <span>
@@ -40,27 +41,21 @@ struct PackedElements {
   std::vector<T> memory;        // [groups * memory_size * W]
   std::vector<int> element_of;  // [groups * W]
 
-  // Appends the elements named, colour by colour. `vertices` are theirs, all in `range`; `rest` is
-  // that of all elements.
-  void append(std::span<const int> elements, const std::vector<Vertices>& vertices, Range range,
-              std::span<const Rest> rest) {
-    auto local = vertices;
-    for (auto& element : local) {
-      for (int& v : element) v -= range.begin;
+  // Appends some elements that share no vertex, with their vertices in the same order.
+  void append_color(std::span<const int> elements, std::span<const Vertices> vertices) {
+    const int first = static_cast<int>(groups.size());
+    for (std::size_t at = 0; at < elements.size(); at += width) {
+      add_group(elements.subspan(at), vertices.subspan(at));
     }
-    const Coloring coloring =
-        color_elements<Effect::arity>(std::span<const Vertices>(local), range.end - range.begin);
-    for (int color = 0; color < coloring.color_count(); ++color) {
-      const int first = static_cast<int>(groups.size());
-      const int last = coloring.color_begin[color + 1];
-      for (int at = coloring.color_begin[color]; at < last; at += width) {
-        add_group(std::span(coloring.order).subspan(at, std::min(width, last - at)), elements,
-                  vertices, rest);
-      }
-      colors.push_back({first, static_cast<int>(groups.size())});
-    }
+    colors.push_back({first, static_cast<int>(groups.size())});
   }
 
+  // That of all elements.
+  void set_rest(std::span<const Rest> rest) {
+    for (std::size_t at = 0; at < element_of.size(); ++at) put_rest(at, rest[element_of[at]]);
+  }
+
+ private:
   // Where element_of[at] is.
   void put_rest(std::size_t at, const Rest& rest) {
     std::array<T, numbers> values;
@@ -68,18 +63,16 @@ struct PackedElements {
     for (std::size_t k = 0; k < numbers; ++k) groups[at / width].rest[k][at % width] = values[k];
   }
 
- private:
-  void add_group(std::span<const int> lanes, std::span<const int> elements,
-                 const std::vector<Vertices>& vertices, std::span<const Rest> rest) {
+  // Of the first elements, as many as there are lanes.
+  void add_group(std::span<const int> elements, std::span<const Vertices> vertices) {
     Group& group = groups.emplace_back();
-    for (int lane = 0; lane < width; ++lane) {
-      const bool filler = lane >= static_cast<int>(lanes.size());
-      const int at = filler ? lanes.back() : lanes[lane];
+    const std::size_t last = elements.size() - 1;
+    for (std::size_t lane = 0; lane < width; ++lane) {
+      const std::size_t at = std::min(lane, last);
       for (int i = 0; i < Effect::arity; ++i) {
         group.vertices[i][lane] = vertices[at][i];
       }
       element_of.push_back(elements[at]);
-      put_rest(element_of.size() - 1, rest[elements[at]]);
     }
   }
 };

@@ -3,6 +3,8 @@
 // result depends on the order, and any number of threads gives the same bits.
 #pragma once
 
+#include <algorithm>
+#include <numeric>
 #include <span>
 #include <vector>
 
@@ -19,7 +21,22 @@ class CpuVolumeBound {
   using Rows = std::vector<Row<T>>;  // u in m; d in m, and beside it dt^2 / m, s2/kg
 
   CpuVolumeBound(BoundedTets<T> tets, int threads, int vertices)
-      : tets_(std::move(tets)), found_(threads), corrections_(vertices) {}
+      : tets_(std::move(tets)),
+        found_(threads),
+        corrections_(vertices),
+        group_of_(vertices, -1),
+        members_(vertices),
+        around_begin_(vertices + 1),
+        around_(4 * tets_.vertices.size()) {
+    for (const Tet& tet : tets_.vertices) {
+      for (const int v : tet) ++around_begin_[v + 1];
+    }
+    std::partial_sum(around_begin_.begin(), around_begin_.end(), around_begin_.begin());
+    auto next = around_begin_;
+    for (int t = 0; t < static_cast<int>(tets_.vertices.size()); ++t) {
+      for (const int v : tets_.vertices[t]) around_[next[v]++] = t;
+    }
+  }
 
   void begin_at(const State& state) { acts_ = tets_.begins_at(state); }
   bool acts() const { return acts_; }
@@ -41,6 +58,7 @@ class CpuVolumeBound {
       if (acts_) {
         repeat_over_watched(VolumeBound::pushes, u, d, [](auto& tet) { return tet.push(); });
         repeat_over_watched(VolumeBound::halts, u, d, [](auto& tet) { return tet.halt(); });
+        join_those_left(u, d);
       }
       if (last_of_frame) {
         acts_ = VolumeBound::goes_on(acts_, watched_.size(), tets_.vertices.size());
@@ -55,8 +73,8 @@ class CpuVolumeBound {
   }
 
  private:
-  // Lists the tets that are near the bound by where the substep begins, or with `moved` by where it
-  // has led to.
+  // Lists the tets that are near the bound by where the substep begins, and where what the last one
+  // did would lead them by the next time; or with `moved` by where this one has led to.
   void watch(Team& team, int rank, bool moved, const Rows& u, const Rows& d) {
     if (tets_.vertices.empty()) return;
     team.barrier();
@@ -64,9 +82,14 @@ class CpuVolumeBound {
     auto& found = found_[rank];
     found.clear();
     for (int t = mine.begin; t < mine.end; ++t) {
-      const MovingTet<T> tet = moving_tet(t, u, d);
-      const T strain = moved ? tet.strain_after() : tet.strain_before();
-      if (strain < T(VolumeBound::watched - 1.0)) found.push_back(t);
+      MovingTet<T> tet = moving_tet(t, u, d);
+      const auto is_near = [](T strain) { return strain < T(VolumeBound::watched - 1.0); };
+      if (moved) {
+        if (is_near(tet.strain_after())) found.push_back(t);
+        continue;
+      }
+      for (auto& way : tet.d) way = T(VolumeBound::scan_every) * way;
+      if (is_near(tet.strain_before()) || is_near(tet.strain_after())) found.push_back(t);
     }
     team.barrier();
     if (rank == 0) {
@@ -92,14 +115,36 @@ class CpuVolumeBound {
       for (const int t : wrong_) {
         MovingTet<T> tet = moving_tet(t, u, d);
         if (!correct(tet)) continue;
-        for (int i = 0; i < 4; ++i) {
-          const int v = tets_.vertices[t][i];
-          if (!touches(corrections_[v])) corrected_.push_back(v);
-          corrections_[v] += tet.d[i] - d[v].v;
-          d[v].v = tet.d[i];
-        }
+        for (int i = 0; i < 4; ++i) move(tets_.vertices[t][i], tet.d[i], d);
       }
     }
+  }
+
+  void join_those_left(const Rows& u, Rows& d) {
+    if (corrected_.empty()) return;
+    JoinedVertices<T> joined{group_of_.data(), members_.data()};
+    for (bool any = true; any;) {
+      any = false;
+      wrong_ = watched_;
+      for (const int v : corrected_) {
+        for (const int t : tets_around(v)) wrong_.push_back(t);
+      }
+      std::erase_if(wrong_, [&](int t) { return !moving_tet(t, u, d).falls(); });
+      std::ranges::sort(wrong_);  // some twice, which joins nothing
+      for (const int t : wrong_) any = joined.join(tets_.vertices[t]) || any;
+      joined.lead([&d](int v) { return d[v]; }, [&](int v, const Vec3<T>& to) { move(v, to, d); });
+    }
+    joined.part();
+  }
+
+  std::span<const int> tets_around(int v) const {
+    return {around_.data() + around_begin_[v], around_.data() + around_begin_[v + 1]};
+  }
+
+  void move(int v, const Vec3<T>& to, Rows& d) {
+    if (!touches(corrections_[v])) corrected_.push_back(v);
+    corrections_[v] += to - d[v].v;
+    d[v].v = to;
   }
 
   MovingTet<T> moving_tet(int t, const Rows& u, const Rows& d) const {
@@ -119,6 +164,9 @@ class CpuVolumeBound {
   std::vector<int> wrong_;               // those of them that a pass corrects
   std::vector<Vec3<T>> corrections_;     // [n] m, those of the substep
   std::vector<int> corrected_;           // the vertices that have one, some twice
+  std::vector<int> group_of_, members_;  // [n] of JoinedVertices
+  std::vector<int> around_begin_;        // [n + 1] into
+  std::vector<int> around_;              // the tets of each vertex
   bool acts_ = true;
 };
 

@@ -318,8 +318,8 @@ class CudaBlocks final : public Ensemble {
     });
     return named;
   }
-  static Team team_of(const Model& model, const Program<T>& program, int tets_per_block) {
-    Team team = team_for(tets_per_block, static_cast<int>(model.tet_count()));
+  static BlockTeam team_of(const Model& model, const Program<T>& program, int tets_per_block) {
+    BlockTeam team = team_for(tets_per_block, static_cast<int>(model.tet_count()));
     if (!has_several_widths<T>(named_in(program))) {
       team.lanes = std::min(team.lanes, least_width);
       team.whole = false;

@@ -21,9 +21,11 @@ struct VolumeBoundView {
   T dt;                       // s
   unsigned char* near_bound;  // [count]
   int* watched;               // [count] tets near the bound
-  unsigned char* below;       // [count] by place in `watched`
-  int* wrong;                 // [count] places in `watched`
+  unsigned char* below;       // [count] by place in `watched`, at last by tet
+  int* wrong;                 // [count] likewise
   Vec3<T>* corrections;       // [n] m, by which vertices were moved in this substep
+  int* group_of;              // [n] of JoinedVertices
+  int* members;               // [n] likewise
 
   __device__ MovingTet<T> tet(int t) const {
     MovingTet<T> tet{.rest_inverse = rest[t]};
@@ -34,6 +36,11 @@ struct VolumeBoundView {
       tet.w[i] = inverse_mass[v] * (dt * dt);
     }
     return tet;
+  }
+  __device__ Row<T> row(int v) const { return {d[v], inverse_mass[v] * (dt * dt)}; }
+  __device__ void move(int v, const Vec3<T>& to) const {
+    corrections[v] += to - d[v];
+    d[v] = to;
   }
 };
 
@@ -73,9 +80,9 @@ __device__ inline int compact(const unsigned char* marks, int count, int* indice
 }
 
 // Until correct(tet) has changed none of those watched, at most so many times. needs(tet) tells,
-// without changing it, whether correct would.
+// without changing it, whether correct would. Returns whether it did for any.
 template <class T, class Needs, class Correct>
-__device__ void repeat_over_watched(const VolumeBoundView<T>& view, int watched, int at_most,
+__device__ bool repeat_over_watched(const VolumeBoundView<T>& view, int watched, int at_most,
                                     Needs&& needs, Correct&& correct) {
   for (int pass = 0; pass < at_most; ++pass) {
     for (int k = static_cast<int>(threadIdx.x); k < watched; k += bound_threads) {
@@ -83,20 +90,46 @@ __device__ void repeat_over_watched(const VolumeBoundView<T>& view, int watched,
     }
     __syncthreads();
     const int wrong = compact(view.below, watched, view.wrong);
-    if (wrong == 0) return;
+    if (wrong == 0) return pass > 0;
     if (threadIdx.x == 0) {
       for (int k = 0; k < wrong; ++k) {
         const int t = view.watched[view.wrong[k]];
         MovingTet<T> tet = view.tet(t);
         if (!correct(tet)) continue;
-        for (int i = 0; i < 4; ++i) {
-          const int v = view.vertices[t][i];
-          view.corrections[v] += tet.d[i] - view.d[v];
-          view.d[v] = tet.d[i];
-        }
+        for (int i = 0; i < 4; ++i) view.move(view.vertices[t][i], tet.d[i]);
       }
     }
     __syncthreads();
+  }
+  return true;
+}
+
+// All tets that repeated averages have left, and those that they have pressed. By all threads of a
+// block.
+template <class T>
+__device__ void join_those_left(const VolumeBoundView<T>& view) {
+  __shared__ bool any;
+  JoinedVertices<T> joined{view.group_of, view.members};  // thread 0's
+  for (;;) {
+    for (int t = static_cast<int>(threadIdx.x); t < view.count; t += bound_threads) {
+      view.below[t] = view.tet(t).falls();
+    }
+    __syncthreads();
+    const int wrong = compact(view.below, view.count, view.wrong);
+    if (threadIdx.x == 0) {
+      any = false;
+      for (int k = 0; k < wrong; ++k) {
+        if (joined.join(view.vertices[view.wrong[k]])) any = true;
+      }
+      if (any) {
+        joined.lead([&view](int v) { return view.row(v); },
+                    [&view](int v, const Vec3<T>& to) { view.move(v, to); });
+      } else {
+        joined.part();
+      }
+    }
+    __syncthreads();
+    if (!any) return;
   }
 }
 
@@ -114,8 +147,9 @@ __global__ void __launch_bounds__(bound_threads)
     const auto would = [](const auto& correct) {
       return [correct](MovingTet<T> copy) { return correct(copy); };
     };
-    repeat_over_watched(view, watched, VolumeBound::pushes, would(push), push);
-    repeat_over_watched(view, watched, VolumeBound::halts, would(halt), halt);
+    const bool pushed = repeat_over_watched(view, watched, VolumeBound::pushes, would(push), push);
+    const bool halted = repeat_over_watched(view, watched, VolumeBound::halts, would(halt), halt);
+    if (pushed || halted) join_those_left(view);
   }
   if (acts && threadIdx.x == 0 && (*done + 1) % substeps == 0) {
     *acts = VolumeBound::goes_on(now, watched, view.count);
@@ -135,6 +169,8 @@ class CudaVolumeBound {
         below_(tets_.vertices.size()),
         wrong_(tets_.vertices.size()),
         corrections_(tets_.vertices.empty() ? 0 : vertices),
+        group_of_(std::vector<int>(corrections_.size(), -1)),
+        members_(corrections_.size()),
         acts_(1),
         count_(static_cast<int>(tets_.vertices.size())) {
     begin_at({});
@@ -156,7 +192,7 @@ class CudaVolumeBound {
   static std::size_t bytes(const BoundedTets<T>& tets, std::size_t vertices) {
     if (tets.vertices.empty()) return 0;
     return tets.vertices.size() * (sizeof(Tet) + sizeof(Mat3<T>) + 2 + 2 * sizeof(int)) +
-           vertices * sizeof(Vec3<T>);
+           vertices * (sizeof(Vec3<T>) + 2 * sizeof(int));
   }
 
   // `done` counts the substeps on the device, of which a frame has `substeps`.
@@ -183,7 +219,9 @@ class CudaVolumeBound {
             .watched = watched_.get(),
             .below = below_.get(),
             .wrong = wrong_.get(),
-            .corrections = corrections_.get()};
+            .corrections = corrections_.get(),
+            .group_of = group_of_.get(),
+            .members = members_.get()};
   }
   void enqueue(cudaStream_t stream, const VolumeBoundView<T>& view, unsigned char* acts,
                const unsigned long long* done, int substeps) const {
@@ -204,6 +242,7 @@ class CudaVolumeBound {
   DeviceArray<unsigned char> below_;
   DeviceArray<int> wrong_;
   DeviceArray<Vec3<T>> corrections_;
+  DeviceArray<int> group_of_, members_;
   DeviceArray<unsigned char> acts_;
   int count_;
 };

@@ -255,6 +255,29 @@ TEST(Blocks, ABodyRestsWhereItsStressIsInEquilibrium) {
   }
 }
 
+// Falls, lands with friction, and is at rest at the end: nothing is set back on the way.
+TEST(Blocks, OfACpuAreThoseOfADeviceFromTheFallToTheRest) {
+  Material damped = soft_tissue;
+  damped.damping = 0.01;
+  const Model model = make_cube(4, damped);
+  Scene scene = drop_scene();
+  scene.time.substeps = 32;
+  scene.params<Ground>().front().clearance = 5e-3;
+  for (const int tets : {tets_per_block, 1000}) {
+    SCOPED_TRACE(tets);
+    HostBlocks<double> direct(model, scene, tets, false), linearised(model, scene, tets, true);
+    const auto cpu = make_on_cpu(model, scene,
+                                 {.scheme = Scheme::block_gauss_seidel,
+                                  .precision = Precision::fp64,
+                                  .block_tets = tets});
+    const State end = after(*cpu, 150);
+    EXPECT_LT(largest(end.v), 1e-4);
+    EXPECT_GT(largest(end.u), 5e-3);
+    EXPECT_LE(largest_difference(end, after(direct, 150)), 1e-9 * model.size());
+    EXPECT_LE(largest_difference(end, after(linearised, 150)), 1e-4 * model.size());
+  }
+}
+
 // What one sweep takes from the stiffness against a change of volume, elements that are evaluated
 // anew are given back: in one block, which is Gauss-Seidel, they rest nearer than in colours.
 TEST(Blocks, WhatASweepTakesFromTheStiffnessIsGivenBack) {
@@ -359,7 +382,7 @@ TEST(Blocks, OneBlockIsGaussSeidel) {
   Scene scene = drop_scene();
   scene.time.order = 1;
   scene.params<Ground>()[0].clearance = 1e-3;
-  constexpr Team team{32, 1000000};
+  constexpr BlockTeam team{32, 1000000};
   HostBlocks<double> one_block(model, scene, 1000000, false, team);
   const Program<double> program(model, scene);
   const BlockLayout layout(model, program, 1000000, team);
