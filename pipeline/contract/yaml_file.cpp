@@ -8,6 +8,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_value.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
@@ -113,6 +114,8 @@ YAML::Node load_yaml(const fs::path& path) {
   }
   try {
     const std::string text = read_file(path);
+    // Its texts become JSON, which can hold no others.
+    if (!is_utf8(text)) throw fail("text that is not UTF-8", "save it as UTF-8");
     const int documents = count_documents(text);
     if (documents != 1) {
       throw fail(documents == 0 ? "no YAML document" : "more than one YAML document",

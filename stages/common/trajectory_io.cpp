@@ -244,6 +244,7 @@ TetMesh read_mesh(const Handle& file, const fs::path& path) {
   if (!std::all_of(xyz.begin(), xyz.end(), [](double x) { return std::isfinite(x); })) {
     throw read_error(path, "/points", "a coordinate that is not finite", "finite coordinates");
   }
+  if (xyz.empty()) throw read_error(path, "/points", "no points", "at least one point");
   mesh.points.resize(points.shape[0]);
   std::memcpy(mesh.points.data(), xyz.data(), xyz.size() * sizeof(double));
 
@@ -254,7 +255,7 @@ TetMesh read_mesh(const Handle& file, const fs::path& path) {
     throw read_error(path, "/tets", "a point index out of range", fmt::format("0 to {}", n - 1));
   }
   mesh.tets.resize(tets.shape[0]);
-  std::memcpy(mesh.tets.data(), corners.data(), corners.size() * sizeof(int));
+  if (!corners.empty()) std::memcpy(mesh.tets.data(), corners.data(), corners.size() * sizeof(int));
 
   const auto labels = open_dataset(file, path, "/labels", H5T_INTEGER, {tets.shape[0]});
   mesh.labels = read_values<int>(labels, path, "/labels", H5T_NATIVE_INT);

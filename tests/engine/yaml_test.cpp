@@ -68,6 +68,10 @@ TEST_F(Yaml, BinaryGarbageIsRefused) {
   EXPECT_NE(refusal(std::string("\x1f\x8b\x08\x00\xff\xfe{\x00:", 10)), "accepted");
 }
 
+TEST_F(Yaml, TextThatIsNotUtf8IsRefused) {
+  expect_refused("effects: {spring: {k: \"1\xa1\"}}\n", "not UTF-8");
+}
+
 TEST_F(Yaml, AnOrdinaryDocumentIsAccepted) {
   EXPECT_EQ(refusal("viscera: 1\nstages: {a: {b: [1, 2]}}\n"), "accepted");
 }
