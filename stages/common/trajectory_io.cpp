@@ -250,12 +250,13 @@ TetMesh read_mesh(const Handle& file, const fs::path& path) {
 
   const auto tets = open_dataset(file, path, "/tets", H5T_INTEGER, {0, 4});
   const auto corners = read_values<int>(tets, path, "/tets", H5T_NATIVE_INT);
+  if (corners.empty()) throw read_error(path, "/tets", "no tets", "at least one tet");
   const int n = static_cast<int>(mesh.points.size());
   if (!std::all_of(corners.begin(), corners.end(), [n](int i) { return i >= 0 && i < n; })) {
     throw read_error(path, "/tets", "a point index out of range", fmt::format("0 to {}", n - 1));
   }
   mesh.tets.resize(tets.shape[0]);
-  if (!corners.empty()) std::memcpy(mesh.tets.data(), corners.data(), corners.size() * sizeof(int));
+  std::memcpy(mesh.tets.data(), corners.data(), corners.size() * sizeof(int));
 
   const auto labels = open_dataset(file, path, "/labels", H5T_INTEGER, {tets.shape[0]});
   mesh.labels = read_values<int>(labels, path, "/labels", H5T_NATIVE_INT);

@@ -203,22 +203,24 @@ TEST_F(TrajectoryIo, DatasetsWhoseValuesAreElsewhereAreBadInput) {
   });
 }
 
-TEST_F(TrajectoryIo, AMeshWithoutPointsIsBadInput) {
-  write_frames(folder_.path(), two_tets(), 1);
-  const hid_t file = H5Fopen(h5_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
-  const hsize_t none[] = {0, 3};
-  const hid_t space = H5Screate_simple(2, none, nullptr);
-  H5Ldelete(file, "/points", H5P_DEFAULT);
-  H5Dclose(
-      H5Dcreate2(file, "/points", H5T_IEEE_F64LE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
-  H5Sclose(space);
-  H5Fclose(file);
-  try {
-    const TrajectoryReader reader(h5_);
-    FAIL() << "accepted";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.problem().field, "/points");
-    EXPECT_EQ(e.problem().found, "no points");
+TEST_F(TrajectoryIo, AMeshWithoutPointsOrTetsIsBadInput) {
+  for (const auto& [name, width] : {std::pair("/points", 3), {"/tets", 4}}) {
+    write_frames(folder_.path(), two_tets(), 1);
+    const hid_t file = H5Fopen(h5_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t type = width == 3 ? H5T_IEEE_F64LE : H5T_STD_I32LE;
+    const hsize_t none[] = {0, static_cast<hsize_t>(width)};
+    const hid_t space = H5Screate_simple(2, none, nullptr);
+    H5Ldelete(file, name, H5P_DEFAULT);
+    H5Dclose(H5Dcreate2(file, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
+    H5Sclose(space);
+    H5Fclose(file);
+    try {
+      const TrajectoryReader reader(h5_);
+      FAIL() << name << " was accepted";
+    } catch (const Error& e) {
+      EXPECT_EQ(e.problem().field, name);
+      EXPECT_EQ(e.problem().found.substr(0, 3), "no ");
+    }
   }
 }
 

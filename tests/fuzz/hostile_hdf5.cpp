@@ -10,7 +10,7 @@ namespace {
 
 using hdf5::Handle;
 
-constexpr std::size_t most_bytes = 1 << 16;  // of values that are written
+constexpr double most_bytes = 1 << 16;  // of values that are written
 
 // Around 2^31, 2^32 and 2^63 sizes wrap.
 constexpr hsize_t extents[] = {0,
@@ -135,7 +135,6 @@ void choose_storage(hid_t creation, const std::vector<hsize_t>& shape, Choices& 
       if (choices.byte() % 2 == 0) H5Pset_fletcher32(creation);
     }
   }
-  if (choices.rarely()) H5Pset_alloc_time(creation, H5D_ALLOC_TIME_EARLY);
 }
 
 // What stands under the name is no dataset of this file.
@@ -155,14 +154,17 @@ void link_instead(hid_t file, const char* name, Choices& choices) {
   }
 }
 
-void write_values(hid_t set, const Expected& expected, Choices& choices) {
+void write_values(hid_t set, const Expected& expected, const std::vector<hsize_t>& shape,
+                  Choices& choices) {
   const Handle type(H5Dget_type(set), H5Tclose);
   const Handle space(H5Dget_space(set), H5Sclose);
   const hssize_t count = H5Sget_simple_extent_npoints(space.id());
   const std::size_t bytes = H5Tget_size(type.id());
   const auto kind = H5Tget_class(type.id());
-  if (count <= 0 || static_cast<hsize_t>(count) > most_bytes / std::max<std::size_t>(bytes, 8))
-    return;
+  // The library's count wraps around: extents of 2^62 and 4 are none to it.
+  double claimed = static_cast<double>(std::max<std::size_t>(bytes, 8));
+  for (const hsize_t n : shape) claimed *= static_cast<double>(n);
+  if (count <= 0 || claimed > most_bytes) return;
   if (kind == H5T_INTEGER || kind == H5T_FLOAT) {
     std::vector<double> values = expected.values;
     values.resize(static_cast<std::size_t>(count));
@@ -196,7 +198,7 @@ void write_dataset(hid_t file, const Expected& expected, Choices& choices) {
                    H5Dclose);
   if (!set.valid() || choices.rarely()) return;  // nothing is written
   if (H5Pget_external_count(creation.id()) == 0 && H5Pget_layout(creation.id()) != H5D_VIRTUAL)
-    write_values(set.id(), expected, choices);
+    write_values(set.id(), expected, shape, choices);
   if (!grows || shape.empty() || !choices.rarely()) return;
   shape[0] = choices.one_of(extents);
   H5Dset_extent(set.id(), shape.data());
