@@ -70,6 +70,7 @@ TEST_F(Yaml, BinaryGarbageIsRefused) {
 
 TEST_F(Yaml, TextThatIsNotUtf8IsRefused) {
   expect_refused("effects: {spring: {k: \"1\xa1\"}}\n", "not UTF-8");
+  expect_refused(std::string("expect:\n  a!\0b: {max: 1}\n", 25), "control characters");
 }
 
 TEST_F(Yaml, AnOrdinaryDocumentIsAccepted) {
