@@ -162,13 +162,15 @@ bench-pipeline: build ## the engine's own cost, and BENCH_KILLS kills, full disk
 # ThreadSanitizer sees every pair of threads in the tests of equal bits; the rest has one thread.
 # AddressSanitizer is spared the seconds of motion that run the same code again and again.
 sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
-	@cmake --preset asan >/dev/null && ninja -C build/asan -j $(JOBS) test_contract test_engine test_sim test_properties
-	@ctest --test-dir build/asan -L 'unit|property' -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|^StiffBar.*Newton|^SweepError|AllAgreeOnABar' \
+	@cmake --preset asan >/dev/null && ninja -C build/asan -j $(JOBS) test_contract test_engine test_sim \
+	  test_properties test_tet_io test_surface_io test_trajectory_io test_improve test_live_session
+	@LSAN_OPTIONS=suppressions=$(CURDIR)/.ci/fuzz_leaks:print_suppressions=0 \
+	  ctest --test-dir build/asan -L 'unit|property' -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|^StiffBar.*Newton|^SweepError|AllAgreeOnABar' \
 	  --output-on-failure -j $(JOBS)
 	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
 	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
 
-fuzz: all-packages ## the readers of images, manifests and specs under libFuzzer, 90 s in all (FUZZ_SECONDS each)
+fuzz: all-packages ## the readers of every file that viscera takes under libFuzzer (FUZZ_SECONDS each, FUZZ_ONLY)
 	@.ci/fuzz
 
 format: ## bring every source into the house style

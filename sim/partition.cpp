@@ -70,10 +70,10 @@ void SplitVertices::number_copies() {
   }
   std::partial_sum(copies_begin_.begin(), copies_begin_.end(), copies_begin_.begin());
   for (auto& vertices : touched_) {
-    const auto single =
-        std::ranges::stable_partition(vertices, [this](int vertex) { return has_several(vertex); });
+    const auto single = std::stable_partition(vertices.begin(), vertices.end(),
+                                              [this](int vertex) { return has_several(vertex); });
     block_begin_.push_back(static_cast<int>(vertex_of_.size()));
-    several_end_.push_back(block_begin_.back() + static_cast<int>(vertices.size() - single.size()));
+    several_end_.push_back(block_begin_.back() + static_cast<int>(single - vertices.begin()));
     vertex_of_.insert(vertex_of_.end(), vertices.begin(), vertices.end());
   }
   block_begin_.push_back(static_cast<int>(vertex_of_.size()));

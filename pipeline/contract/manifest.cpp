@@ -155,8 +155,10 @@ std::vector<std::string> outputs_named_by(std::string_view manifest_text) {
 }
 
 bool is_file_name(const std::string& name) {
+  constexpr std::size_t longest = 255;  // bytes, on Linux
   const std::filesystem::path path(name);
-  return !name.empty() && path == path.filename() && name != "." && name != "..";
+  return !name.empty() && name.size() <= longest && name.find('\0') == std::string::npos &&
+         path == path.filename() && name != "." && name != "..";
 }
 
 }  // namespace viscera

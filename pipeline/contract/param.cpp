@@ -12,6 +12,7 @@
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/json_value.hpp"
 #include "pipeline/contract/units.hpp"
+#include "pipeline/contract/yaml_file.hpp"
 
 namespace viscera {
 namespace {
@@ -142,6 +143,14 @@ Param param_from_json(const JsonValue& json) {
 }
 
 Json value_from_text(const std::string& text) {
+  if (!is_yaml_text(text)) {
+    throw Error(ExitCode::bad_config,
+                {.where = "command line",
+                 .field = "--set",
+                 .found = "a value that is not UTF-8, or has control characters",
+                 .allowed = "UTF-8 text",
+                 .remedy = "type it in a terminal whose text is UTF-8"});
+  }
   try {
     // Only flow lists, maps and quoted texts need the YAML reader; a bare "a: b" is a text.
     const bool flow = text.starts_with('{') || text.starts_with('[') || text.starts_with('"');

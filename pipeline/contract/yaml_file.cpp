@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 #include <yaml-cpp/eventhandler.h>
 
+#include <algorithm>
 #include <set>
 #include <sstream>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
+#include "pipeline/contract/json_value.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
@@ -100,6 +102,13 @@ std::string place_of(const fs::path& path, const YAML::Node& node) {
   return place(path, node.Mark());
 }
 
+bool is_yaml_text(const std::string& text) {
+  const auto is_control = [](unsigned char c) {
+    return (c < 0x20 && c != '\t' && c != '\n' && c != '\r') || c == 0x7f;
+  };
+  return is_utf8(text) && std::none_of(text.begin(), text.end(), is_control);
+}
+
 YAML::Node load_yaml(const fs::path& path) {
   const auto fail = [&path](const std::string& found, const std::string& remedy) {
     return Error(ExitCode::bad_config, {.where = path.string(), .found = found, .remedy = remedy});
@@ -113,6 +122,10 @@ YAML::Node load_yaml(const fs::path& path) {
   }
   try {
     const std::string text = read_file(path);
+    // Its texts become JSON, which can hold no others.
+    if (!is_yaml_text(text)) {
+      throw fail("text that is not UTF-8, or has control characters", "save it as UTF-8 text");
+    }
     const int documents = count_documents(text);
     if (documents != 1) {
       throw fail(documents == 0 ? "no YAML document" : "more than one YAML document",

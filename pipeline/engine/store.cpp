@@ -17,6 +17,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int entry_schema = 1;
+constexpr std::size_t sha256_digits = 64;
 
 void make_folder(const fs::path& folder) {
   std::error_code failure;
@@ -26,6 +27,14 @@ void make_folder(const fs::path& folder) {
                                 .found = "cannot be made: " + failure.message(),
                                 .allowed = "a folder you may write to",
                                 .remedy = "choose another --out or --cache"});
+}
+
+// Whether an entry names files of the store and of one folder only: a stranger's may name others.
+bool is_within_folders(const Manifest& manifest) {
+  return std::all_of(manifest.outputs.begin(), manifest.outputs.end(), [](const auto& output) {
+    return is_file_name(output.path) && output.sha256.size() == sha256_digits &&
+           output.sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
+  });
 }
 
 // An entry's own checksum: what it says cannot change unnoticed.
@@ -103,7 +112,8 @@ Lookup Store::read_entry(const std::string& key) const {
                 .manifest_json = root["manifest"].raw(),
                 .manifest = manifest_from_json(root["manifest"])};
     const bool sealed = root["seal"].text() == seal(entry.transcript, entry.manifest_json);
-    if (root["schema"].raw() == entry_schema && sha256(entry.transcript) == key && sealed) {
+    if (root["schema"].raw() == entry_schema && sha256(entry.transcript) == key && sealed &&
+        is_within_folders(entry.manifest)) {
       return {.entry = std::move(entry)};
     }
   } catch (const Error&) {

@@ -40,6 +40,29 @@ void check_claim(const Dataset& dataset, const fs::path& path, const char* name,
   }
 }
 
+// Links, views and external storage lead to other files or devices, and back to themselves: what
+// HDF5 follows without end.
+void refuse_elsewhere(const fs::path& path, const char* name, bool elsewhere) {
+  if (!elsewhere) return;
+  throw read_error(path, name, "a link, a view, or values that another file holds",
+                   "a dataset whose values are in this file");
+}
+
+void check_link(const Handle& file, const fs::path& path, const char* name) {
+  H5L_info_t link;
+  if (H5Lget_info(file.id(), name, &link, H5P_DEFAULT) < 0) {
+    throw read_error(path, name, "missing", "the datasets of a trajectory");
+  }
+  refuse_elsewhere(path, name, link.type != H5L_TYPE_HARD);
+}
+
+void check_storage(const Handle& set, const fs::path& path, const char* name) {
+  const Handle creation(H5Dget_create_plist(set.id()), H5Pclose);
+  refuse_elsewhere(
+      path, name,
+      H5Pget_layout(creation.id()) == H5D_VIRTUAL || H5Pget_external_count(creation.id()) != 0);
+}
+
 }  // namespace
 
 Error write_error(const fs::path& path, const std::string& what) {
@@ -101,8 +124,10 @@ void write_dataset(const Handle& file, const fs::path& path, const char* name, h
 
 Dataset open_dataset(const Handle& file, const fs::path& path, const char* name, H5T_class_t kind,
                      const std::vector<hsize_t>& expected) {
+  check_link(file, path, name);
   Handle set(H5Dopen2(file.id(), name, H5P_DEFAULT), H5Dclose);
-  if (!set.valid()) throw read_error(path, name, "missing", "the datasets of a trajectory");
+  if (!set.valid()) throw read_error(path, name, "no dataset", "the datasets of a trajectory");
+  check_storage(set, path, name);
   const Handle type(H5Dget_type(set.id()), H5Tclose);
   const Handle space(H5Dget_space(set.id()), H5Sclose);
   std::vector<hsize_t> shape(

@@ -1,10 +1,14 @@
 #include "stages/common/label_names_vtk.hpp"
 
+#include <fmt/format.h>
 #include <vtkFieldData.h>
 #include <vtkIntArray.h>
 #include <vtkNew.h>
 #include <vtkStringArray.h>
 
+#include <cmath>
+
+#include "pipeline/contract/error.hpp"
 #include "stages/common/label_name.hpp"
 
 namespace viscera {
@@ -33,7 +37,15 @@ std::map<int, std::string> label_names_from(const std::filesystem::path& path, v
   for (vtkIdType i = 0; i < ids->GetNumberOfTuples(); ++i) {
     const std::string& name = texts->GetValue(i);
     check_label_name(name, ExitCode::bad_input, path.string(), "FieldData/label_names");
-    names[static_cast<int>(ids->GetComponent(i, 0))] = name;
+    const double id = ids->GetComponent(i, 0);
+    if (!(id >= 0.0 && id <= 65535.0) || id != std::floor(id)) {
+      throw Error(ExitCode::bad_input, {.where = path.string(),
+                                        .field = "FieldData/label_ids",
+                                        .found = fmt::format("{}", id),
+                                        .allowed = "whole numbers, 0 to 65535",
+                                        .remedy = "write the file again"});
+    }
+    names[static_cast<int>(id)] = name;
   }
   return names;
 }

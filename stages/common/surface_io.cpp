@@ -54,10 +54,15 @@ void read_triangles(const std::filesystem::path& path, vtkPolyData& data, Surfac
       }
       triangle[static_cast<std::size_t>(c)] = static_cast<int>(corners[c]);
     }
+    const double label =
+        labels == nullptr ? 1.0 : labels->GetComponent(walk->GetCurrentCellId(), 0);
+    if (!(label >= 0.0 && label <= 65535.0) || label != std::floor(label)) {
+      throw bad_surface(path, "CellData/label",
+                        fmt::format("triangle {} has {}", walk->GetCurrentCellId(), label),
+                        "whole numbers, 0 to 65535");
+    }
     surface.triangles.push_back(triangle);
-    surface.labels.push_back(
-        labels == nullptr ? 1
-                          : static_cast<int>(labels->GetComponent(walk->GetCurrentCellId(), 0)));
+    surface.labels.push_back(static_cast<int>(label));
   }
 }
 

@@ -244,11 +244,13 @@ TetMesh read_mesh(const Handle& file, const fs::path& path) {
   if (!std::all_of(xyz.begin(), xyz.end(), [](double x) { return std::isfinite(x); })) {
     throw read_error(path, "/points", "a coordinate that is not finite", "finite coordinates");
   }
+  if (xyz.empty()) throw read_error(path, "/points", "no points", "at least one point");
   mesh.points.resize(points.shape[0]);
   std::memcpy(mesh.points.data(), xyz.data(), xyz.size() * sizeof(double));
 
   const auto tets = open_dataset(file, path, "/tets", H5T_INTEGER, {0, 4});
   const auto corners = read_values<int>(tets, path, "/tets", H5T_NATIVE_INT);
+  if (corners.empty()) throw read_error(path, "/tets", "no tets", "at least one tet");
   const int n = static_cast<int>(mesh.points.size());
   if (!std::all_of(corners.begin(), corners.end(), [n](int i) { return i >= 0 && i < n; })) {
     throw read_error(path, "/tets", "a point index out of range", fmt::format("0 to {}", n - 1));

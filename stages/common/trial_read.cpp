@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <fstream>
 #include <new>
 
@@ -14,6 +15,9 @@ namespace {
 
 constexpr int out_of_memory = 3;
 
+#ifdef VISCERA_SANITIZED
+void limit_memory(rlim_t) {}  // sanitizers take address space by the terabyte
+#else
 // Bytes of address space in use; 0 where /proc does not tell.
 rlim_t address_space() {
   rlim_t pages = 0;
@@ -21,14 +25,19 @@ rlim_t address_space() {
   return pages * static_cast<rlim_t>(sysconf(_SC_PAGESIZE));
 }
 
-[[noreturn]] void read_as_child(rlim_t more_bytes, const std::function<void()>& read) {
-#ifndef VISCERA_SANITIZED  // which take address space by the terabyte
+void limit_memory(rlim_t more_bytes) {
   const rlim_t most = address_space() + more_bytes;
   const rlimit limit{most, most};
   setrlimit(RLIMIT_AS, &limit);
+}
 #endif
+
+[[noreturn]] void read_as_child(rlim_t more_bytes, const std::function<void()>& read) {
+  limit_memory(more_bytes);
   const rlimit no_core{0, 0};
   setrlimit(RLIMIT_CORE, &no_core);
+  // A handler of this process would turn the signal of a crash into an exit, which tells nothing.
+  for (const int crash : {SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV}) std::signal(crash, SIG_DFL);
   try {
     read();
   } catch (const std::bad_alloc&) {
@@ -54,7 +63,8 @@ std::string what_breaks_reading(const std::filesystem::path& path,
   if (WIFEXITED(status) && WEXITSTATUS(status) == out_of_memory) {
     return fmt::format("claims more points, cells or values than its {} bytes can hold", bytes);
   }
-  if (WIFSIGNALED(status)) return "damaged: its reader crashes on it";
+  // A library may also end the process by itself, as a sanitizer does.
+  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) return "damaged: its reader crashes on it";
   return "";
 }
 

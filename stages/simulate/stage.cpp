@@ -300,8 +300,8 @@ void simulate(StageRun& run) {
   if (options.method == sim::Method::tled) objects = std::ref(watch);
   Outcome outcome = run_frames(
       *solver, model, file.scene, schedule,
-      [&](const Frame& frame, const sim::State& state) {
-        const std::vector<float> positions = positions_mm(model, state);
+      [&, &body = model](const Frame& frame, const sim::State& state) {
+        const std::vector<float> positions = positions_mm(body, state);
         trajectory.append(frame.time_s, positions);
         metrics.add(frame);
         resume.add(positions);

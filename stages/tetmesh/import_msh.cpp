@@ -5,15 +5,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <set>
 
+#include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
 #include "stages/common/label_name.hpp"
+#include "stages/common/trial_read.hpp"
 #include "stages/tetmesh/gmsh_session.hpp"
 #include "stages/tetmesh/import.hpp"
 
 namespace viscera {
 namespace {
+
+constexpr int max_label = 65535;
 
 Error bad_msh(const std::filesystem::path& path, std::string field, std::string found,
               std::string allowed) {
@@ -22,6 +27,17 @@ Error bad_msh(const std::filesystem::path& path, std::string field, std::string 
                                      .found = std::move(found),
                                      .allowed = std::move(allowed),
                                      .remedy = "write the mesh again, for example with gmsh"});
+}
+
+// gmsh takes a file that does not begin like a mesh for a script, and runs it: shell commands too.
+void refuse_scripts(const std::filesystem::path& path) {
+  std::string begin(16, '\0');
+  std::ifstream file(path, std::ios::binary);
+  file.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  for (const char* word : {"$MeshFormat", "$Comments", "$NOD"})
+    if (begin.starts_with(word)) return;
+  throw bad_msh(path, "", "a file that does not begin as a mesh of gmsh does",
+                "$MeshFormat, $Comments or $NOD as its first word");
 }
 
 // Node tags are any positive numbers: the points in their ascending order.
@@ -115,8 +131,13 @@ ForeignMesh current_gmsh_mesh(const std::filesystem::path& path) {
   ForeignMesh read;
   const auto index = read_nodes(path, read.mesh);
   std::vector<NumberedTet> tets;
-  for (const auto& [entity, label] : read_groups(path, read.mesh, read.labels_from))
+  for (const auto& [entity, label] : read_groups(path, read.mesh, read.labels_from)) {
+    const std::size_t before = tets.size();
     read_volume(path, index, entity, label, tets);
+    if (tets.size() == before || (label >= 0 && label <= max_label)) continue;
+    throw bad_msh(path, read.labels_from, fmt::format("number {}", label),
+                  fmt::format("0 to {}", max_label));
+  }
   if (tets.empty()) throw bad_msh(path, "Elements", "no tetrahedra", "at least one tetrahedron");
   std::stable_sort(tets.begin(), tets.end(),
                    [](const auto& a, const auto& b) { return a.tag < b.tag; });
@@ -134,12 +155,22 @@ ForeignMesh current_gmsh_mesh(const std::filesystem::path& path) {
 }
 
 ForeignMesh read_foreign_msh(const std::filesystem::path& path) {
+  refuse_scripts(path);
+  // Of a file NAME gmsh runs NAME.opt as a script too, so it is given another name, without one.
+  const TemporaryFolder alone(std::filesystem::temp_directory_path());
+  const auto known_as = alone.path() / "mesh.msh";
+  std::filesystem::create_symlink(std::filesystem::absolute(path), known_as);
   ForeignMesh read;
-  try {
+  const auto read_all = [&] {
     with_gmsh([&] {
-      gmsh::merge(path.string());
+      gmsh::merge(known_as.string());
       read = current_gmsh_mesh(path);
     });
+  };
+  const std::string broken = what_breaks_reading(path, read_all);
+  if (!broken.empty()) throw bad_msh(path, "", broken, "a whole .msh file");
+  try {
+    read_all();
   } catch (const Error&) {
     throw;
   } catch (const std::exception& e) {

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <functional>
 #include <limits>
 
 #include "pipeline/contract/atomic_file.hpp"
@@ -164,6 +165,63 @@ TEST_F(TrajectoryIo, TetsThatNameAbsentPointsAreBadInput) {
   mesh.tets[1][2] = 5;
   write_frames(folder_.path(), mesh, 1);
   expect_bad_input(h5_);
+}
+
+// HDF5 follows them into other files, and one that shows itself without end.
+TEST_F(TrajectoryIo, DatasetsWhoseValuesAreElsewhereAreBadInput) {
+  const hsize_t count = 2, five = 5;
+  const auto replace_times = [&](const std::function<void(hid_t file, hid_t creation)>& by) {
+    write_frames(folder_.path(), two_tets(), 2);
+    const hid_t file = H5Fopen(h5_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t creation = H5Pcreate(H5P_DATASET_CREATE);
+    H5Ldelete(file, "/times", H5P_DEFAULT);
+    by(file, creation);
+    H5Pclose(creation);
+    H5Fclose(file);
+    expect_bad_input(h5_);
+  };
+  const auto create = [](hid_t file, hid_t creation, hid_t space) {
+    H5Dclose(H5Dcreate2(file, "/times", H5T_IEEE_F64LE, space, H5P_DEFAULT, creation, H5P_DEFAULT));
+    H5Sclose(space);
+  };
+  write_atomically(folder_.path() / "sixteen", "16 bytes to read");
+  replace_times([&](hid_t file, hid_t creation) {
+    H5Pset_external(creation, (folder_.path() / "sixteen").c_str(), 0, 16);
+    create(file, creation, H5Screate_simple(1, &count, nullptr));
+  });
+  replace_times([&](hid_t file, hid_t creation) {
+    const hid_t space = H5Screate_simple(1, &five, nullptr);
+    H5Pset_virtual(creation, space, ".", "/times", space);
+    create(file, creation, space);
+  });
+  fs::copy_file(h5_, folder_.path() / "other.h5");
+  replace_times([&](hid_t file, hid_t) {
+    H5Lcreate_external("other.h5", "/labels", file, "/times", H5P_DEFAULT, H5P_DEFAULT);
+  });
+  replace_times([&](hid_t file, hid_t) {
+    H5Lcreate_soft("/times", file, "/times", H5P_DEFAULT, H5P_DEFAULT);
+  });
+}
+
+TEST_F(TrajectoryIo, AMeshWithoutPointsOrTetsIsBadInput) {
+  for (const auto& [name, width] : {std::pair("/points", 3), {"/tets", 4}}) {
+    write_frames(folder_.path(), two_tets(), 1);
+    const hid_t file = H5Fopen(h5_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t type = width == 3 ? H5T_IEEE_F64LE : H5T_STD_I32LE;
+    const hsize_t none[] = {0, static_cast<hsize_t>(width)};
+    const hid_t space = H5Screate_simple(2, none, nullptr);
+    H5Ldelete(file, name, H5P_DEFAULT);
+    H5Dclose(H5Dcreate2(file, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
+    H5Sclose(space);
+    H5Fclose(file);
+    try {
+      const TrajectoryReader reader(h5_);
+      FAIL() << name << " was accepted";
+    } catch (const Error& e) {
+      EXPECT_EQ(e.problem().field, name);
+      EXPECT_EQ(e.problem().found.substr(0, 3), "no ");
+    }
+  }
 }
 
 TEST_F(TrajectoryIo, AnUnwritableFolderIsRefusedByName) {

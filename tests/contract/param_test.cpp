@@ -83,5 +83,15 @@ TEST(Param, ADeclarationSurvivesTheWayThroughDescribe) {
   }
 }
 
+TEST(Param, AValueThatIsNotUtf8IsRefusedAsOne) {
+  try {
+    value_from_text("liv\xe4r");
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::bad_config);
+    EXPECT_NE(std::string(e.what()).find("--set: a value that is not UTF-8"), std::string::npos);
+  }
+}
+
 }  // namespace
 }  // namespace viscera

@@ -68,6 +68,11 @@ TEST_F(Yaml, BinaryGarbageIsRefused) {
   EXPECT_NE(refusal(std::string("\x1f\x8b\x08\x00\xff\xfe{\x00:", 10)), "accepted");
 }
 
+TEST_F(Yaml, TextThatIsNotUtf8IsRefused) {
+  expect_refused("effects: {spring: {k: \"1\xa1\"}}\n", "not UTF-8");
+  expect_refused(std::string("expect:\n  a!\0b: {max: 1}\n", 25), "control characters");
+}
+
 TEST_F(Yaml, AnOrdinaryDocumentIsAccepted) {
   EXPECT_EQ(refusal("viscera: 1\nstages: {a: {b: [1, 2]}}\n"), "accepted");
 }

@@ -290,6 +290,31 @@ TEST_F(TetExchange, BrokenAndForeignFilesAreRefusedByName) {
   EXPECT_NE(refused(path("mesh.msh")).find("mesh.msh"), std::string::npos);
 }
 
+constexpr const char* one_tet_msh =
+    "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n"
+    "$EndNodes\n$Elements\n1\n1 4 2 4 1 1 2 3 4\n$EndElements\n";
+
+// gmsh runs scripts that stand in place of a mesh, or beside it under the mesh's name and ".opt".
+TEST_F(TetExchange, NoScriptIsRunThatAMeshOfGmshBringsAlong) {
+  const std::string script = "SystemCall \"touch " + path("ran").string() + "\";\n";
+  write_atomically(path("mesh.msh"), script);
+  EXPECT_THROW(import_mesh(path("mesh.msh")), Error);
+  EXPECT_FALSE(fs::exists(path("ran")));
+  write_atomically(path("mesh.msh"), one_tet_msh);
+  write_atomically(path("mesh.msh.opt"), script);
+  EXPECT_EQ(import_mesh(path("mesh.msh")).mesh.labels, std::vector<int>{4});
+  EXPECT_FALSE(fs::exists(path("ran")));
+}
+
+TEST_F(TetExchange, ALabelThatMeshesDoNotHaveIsRefused) {
+  for (const char* label : {"70000", "2147483647"}) {
+    std::string text = one_tet_msh;
+    text.replace(text.find("4 2 4 1"), 7, std::string("4 2 ") + label + " 1");
+    write_atomically(path("mesh.msh"), text);
+    EXPECT_THROW(import_mesh(path("mesh.msh")), Error) << label;
+  }
+}
+
 TEST_F(TetExchange, AForeignVtuWithTrianglesAndAnotherLabelArrayIsTaken) {
   std::ofstream(path("mesh.vtu")) << R"(<?xml version="1.0"?>
 <VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>
