@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz
+        live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -172,6 +172,10 @@ sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and Thr
 
 fuzz: all-packages ## the readers of every file that viscera takes under libFuzzer (FUZZ_SECONDS each, FUZZ_ONLY)
 	@.ci/fuzz
+
+MUTATE ?=
+mutate: build ## break the code on purpose and list which tests noticed, hours: docs/results/mutants.md; MUTATE (--quick, --only N)
+	@JOBS=$(JOBS) .ci/mutate $(MUTATE)
 
 format: ## bring every source into the house style
 	@clang-format -i $(SOURCES)
