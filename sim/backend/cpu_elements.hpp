@@ -39,6 +39,24 @@ struct ElementLayout {
   }
 };
 
+// Appends elements colour by colour.
+template <class Effect, class T>
+void append_by_color(const Prepared<Effect, T>& elements, int vertex_count,
+                     PackedElements<Effect, T>& packed) {
+  using Vertices = typename PackedElements<Effect, T>::Vertices;
+  const Coloring coloring =
+      color_elements<Effect::arity>(std::span<const Vertices>(elements.vertices), vertex_count);
+  for (int color = 0; color < coloring.color_count(); ++color) {
+    const auto begin = coloring.order.begin();
+    const std::span<const int> members(begin + coloring.color_begin[color],
+                                       begin + coloring.color_begin[color + 1]);
+    std::vector<Vertices> vertices;
+    for (const int e : members) vertices.push_back(elements.vertices[e]);
+    packed.append_color(members, vertices);
+  }
+  packed.set_rest(elements.rest);
+}
+
 template <class Effect, class T>
 struct CpuElements {
   using Packed = PackedElements<Effect, T>;
@@ -51,7 +69,7 @@ struct CpuElements {
     if (scheme == Scheme::block_gauss_seidel) {
       lay_out_blocks(elements);
     } else {
-      lay_out_colors(elements);
+      append_by_color(elements, layout.vertices, packed);
     }
     const std::size_t lanes = packed.groups.size() * Packed::width;
     if (layout.iterates) packed.kept.resize(lanes * Effect::rows);
@@ -123,20 +141,6 @@ struct CpuElements {
     if (is_constraint<Effect>) return layout.scheme;
     const bool in_blocks = layout.scheme == Scheme::block_gauss_seidel && !layout.holds;
     return in_blocks ? layout.scheme : Scheme::gauss_seidel;
-  }
-
-  void lay_out_colors(const Prepared<Effect, T>& elements) {
-    const Coloring coloring = color_elements<Effect::arity>(
-        std::span<const typename Packed::Vertices>(elements.vertices), layout_->vertices);
-    for (int color = 0; color < coloring.color_count(); ++color) {
-      const auto begin = coloring.order.begin();
-      const std::span<const int> members(begin + coloring.color_begin[color],
-                                         begin + coloring.color_begin[color + 1]);
-      std::vector<typename Packed::Vertices> vertices;
-      for (const int e : members) vertices.push_back(elements.vertices[e]);
-      packed.append_color(members, vertices);
-    }
-    packed.set_rest(elements.rest);
   }
 
   void lay_out_blocks(const Prepared<Effect, T>& elements) {

@@ -33,7 +33,7 @@ std::string what_blocks_lack(const Model& model, const Scene& scene, SolverOptio
 
 SchemeChoice choose_scheme(const Model& model, const Scene& scene, SolverOptions options,
                            bool on_device) {
-  if (!on_device) return {Scheme::gauss_seidel, "it is the fastest on a CPU"};
+  if (!on_device) return {Scheme::gauss_seidel, "its time step is of second order"};
   if (std::string lack = what_blocks_lack(model, scene, options); !lack.empty()) {
     return {Scheme::gauss_seidel, std::move(lack)};
   }

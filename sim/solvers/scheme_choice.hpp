@@ -11,7 +11,7 @@ namespace viscera::sim {
 
 struct SchemeChoice {
   Scheme scheme;
-  std::string why;  // a sentence's second half: "on a CPU it is the fastest at any size"
+  std::string why;  // half a sentence: "its time step is of second order"
 };
 
 // On a device blocks, of which a frame is one launch, unless they lack what the scene needs; colour

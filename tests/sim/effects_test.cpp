@@ -5,7 +5,7 @@
 #include <cstring>
 #include <numeric>
 
-#include "sim/backend/cpu_sweep.hpp"
+#include "sim/backend/cpu_elements.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -232,9 +232,7 @@ void check_sweeps(std::size_t index) {
   for (const SweepTables& tables : runnable_sweeps()) {
     SweepCase<T> found(model);
     PackedElements<Effect, T> packed;
-    std::vector<int> all(elements.vertices.size());
-    std::iota(all.begin(), all.end(), 0);
-    packed.append(all, elements.vertices, {0, n}, elements.rest);
+    append_by_color(elements, n, packed);
     packed.memory.resize(packed.groups.size() * packed.memory_size * packed.width);
     SweepFields<T> fields = found.fields();
     fields.memory = packed.memory.data();
