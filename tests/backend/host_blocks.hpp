@@ -17,7 +17,8 @@ class HostBlocks final : public Solver {
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized)
       : HostBlocks(model, scene, tets_per_block, linearized,
                    team_for(tets_per_block, static_cast<int>(model.tet_count()))) {}
-  HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized, BlockTeam team)
+  HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized,
+             BlockTeam team)
       : program_(model, scene),
         layout_(model, program_, tets_per_block, team),
         linearized_(linearized),

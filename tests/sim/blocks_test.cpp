@@ -267,10 +267,9 @@ TEST(Blocks, OfACpuAreThoseOfADeviceFromTheFallToTheRest) {
   for (const int tets : {tets_per_block, 1000}) {
     SCOPED_TRACE(tets);
     HostBlocks<double> direct(model, scene, tets, false), linearised(model, scene, tets, true);
-    const auto cpu = make_on_cpu(model, scene,
-                                 {.scheme = Scheme::block_gauss_seidel,
-                                  .precision = Precision::fp64,
-                                  .block_tets = tets});
+    const auto cpu = make_on_cpu(
+        model, scene,
+        {.scheme = Scheme::block_gauss_seidel, .precision = Precision::fp64, .block_tets = tets});
     const State end = after(*cpu, 150);
     EXPECT_LT(largest(end.v), 1e-4);
     EXPECT_GT(largest(end.u), 5e-3);
