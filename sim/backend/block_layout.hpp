@@ -268,7 +268,8 @@ class BlockLayout {
     all.reserve(placed.element_of.size());
     for (std::size_t at = 0; at < placed.element_of.size(); ++at) {
       const int element = placed.element_of[at];
-      auto& rest = all.emplace_back(effect.rest[element]).rest;
+      all.push_back({effect.rest[element]});
+      auto& rest = all.back().rest;
       if constexpr (requires { Effect::lighten(rest, T(1)); }) {
         std::size_t most = 1;  // copies
         for (const int v : effect.vertices[element]) most = std::max(most, copies_of(v).size());
