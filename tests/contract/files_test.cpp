@@ -68,6 +68,7 @@ TEST(Manifest, OfAPathOnlyTheLastNameIsShown) {
   EXPECT_EQ(file_name("/home/x/ct.nii.gz"), "ct.nii.gz");
   EXPECT_EQ(file_name("ct.nii.gz"), "ct.nii.gz");
   EXPECT_EQ(file_name("/home/x/dicom//"), "dicom");
+  EXPECT_EQ(file_name("/"), "/");
 }
 
 TEST(Manifest, SurvivesTheWayThroughJson) {

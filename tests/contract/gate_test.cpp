@@ -40,6 +40,11 @@ TEST(Gate, OfManyPlacesAMessageHoldsAFewAndTheManifestMore) {
   EXPECT_NE(failure_message(gate).find("(0.0, 0.0, 0.0) mm and 97 more"), std::string::npos);
 }
 
+TEST(Gate, AValueThatIsTheLimitPasses) {
+  EXPECT_TRUE(judged(holes, 3, 3).passed());
+  EXPECT_TRUE(judged(angle, 10, 10).passed());
+}
+
 TEST(Gate, WhatTheRunKnowsBetterThanTheDeclarationIsTheRemedy) {
   EXPECT_EQ(judged(holes, 9, 0, {.remedy = "set sigma: 2 mm"}).remedy, "set sigma: 2 mm");
 }

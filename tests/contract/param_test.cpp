@@ -45,6 +45,12 @@ TEST(Param, AMisspeltNameIsRefusedWithTheNearestValidOne) {
   }
 }
 
+// Up to a third of a name may be wrong: more letters in a long name than in a short one.
+TEST(Param, AMisspeltNameIsGuessedAsFarAsAThirdOfItsLetters) {
+  EXPECT_EQ(nearest("cell_size_mm", {"cell_size", "device"}), "cell_size");
+  EXPECT_EQ(nearest("size", {"device", "labels"}), "");
+}
+
 TEST(Param, OutOfRangeWrongTypeAndUnknownChoiceAreRefused) {
   for (const Json& given :
        {Json{{"cell_size", "0mm"}}, Json{{"cell_size", "1m"}}, Json{{"cell_size", true}},
@@ -58,6 +64,8 @@ TEST(Param, CommandLineTextReadsAsNumbersListsAndMaps) {
   EXPECT_EQ(value_from_text("5mm"), "5mm");
   EXPECT_EQ(value_from_text("12"), 12);
   EXPECT_EQ(value_from_text("true"), true);
+  EXPECT_TRUE(value_from_text("null").is_null());
+  EXPECT_TRUE(value_from_text("~").is_null());
   EXPECT_EQ(value_from_text("{liver: 1, tumour: [2, 3]}"),
             (Json{{"liver", 1}, {"tumour", Json::array({2, 3})}}));
   EXPECT_THROW(value_from_text("{liver: "), Error);

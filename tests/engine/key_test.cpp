@@ -98,6 +98,18 @@ TEST_F(Digests, AYoungFileIsNotTrusted) {
   EXPECT_FALSE(fs::exists(cache_file())) << "nothing is remembered";
 }
 
+TEST_F(Digests, WhatIsSavedNowAndThenIsNotSavedAgainAtOnce) {
+  DigestCache cache(cache_file());
+  cache.digest("/bin/sh");
+  cache.save();
+  const std::string once = read_file(cache_file());
+  cache.digest("/bin/ls");
+  cache.save_now_and_then();
+  EXPECT_EQ(read_file(cache_file()), once);
+  cache.save();
+  EXPECT_NE(read_file(cache_file()), once);
+}
+
 TEST_F(Digests, AChangeWhoseTimeWasPutBackIsNoticed) {
   const fs::path path = file("a", "one");
   DigestCache cache(cache_file());

@@ -54,6 +54,12 @@ TEST_F(Yaml, ALargeFileIsRefusedBeforeItIsRead) {
   expect_refused("a: " + std::string(max_yaml_bytes, 'x'), "larger than 1 MiB");
 }
 
+TEST_F(Yaml, ABraceInAPlainTextHasItsRemedyOnTheLineThatHoldsIt) {
+  const std::string quotes = "write \"${name}\" with quotes";
+  expect_refused("a: 1\nb: {c: ${input}}\n", quotes);
+  EXPECT_EQ(refusal("a: ${input}\nb: {c: }}\n").find(quotes), std::string::npos);
+}
+
 TEST_F(Yaml, DuplicateKeysAreRefusedAtTheSecond) {
   expect_refused("a: 1\nb: {c: 1, d: 2, c: 3}\n", "spec.yaml:2:17: c: given twice");
 }

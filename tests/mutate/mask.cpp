@@ -34,7 +34,8 @@ void mask_comments_and_strings(Masked& made) {
       i = end - 1;
     } else if (code.compare(i, 2, "R\"") == 0) {
       const std::size_t open = code.find('(', i);
-      const std::string close = ")" + code.substr(i + 2, open - i - 2) + "\"";
+      std::string close = ")";
+      close.append(code, i + 2, open - i - 2).push_back('"');
       const std::size_t end = std::min(code.find(close, open), code.size());
       fill(code, i, end + close.size(), 'q');
       i = end + close.size() - 1;

@@ -15,10 +15,14 @@ struct Sum {
 // A cell of Markdown: a bar would end it.
 std::string cell(std::string text) {
   constexpr std::size_t longest = 110;
-  if (text.size() > longest) text = text.substr(0, longest) + " …";
-  for (auto at = text.find('|'); at != std::string::npos; at = text.find('|', at + 2))
-    text.insert(at, "\\");
-  return text.empty() ? "dropped" : "`" + text + "`";
+  if (text.size() > longest) text.resize(longest), text += " …";
+  if (text.empty()) return "dropped";
+  std::string safe = "`";
+  for (const char c : text) {
+    if (c == '|') safe += '\\';
+    safe += c;
+  }
+  return safe + '`';
 }
 
 // Where the change lies in a long statement, and a little around it.
