@@ -35,6 +35,7 @@ struct ElementLayout {
     const int tets_per_block = options.block_tets > 0 ? options.block_tets : own_choice;
     BlockTeam team = team_for(tets_per_block, static_cast<int>(model.tet_count()));
     team.linearizes = false;
+    if (holds) team.most_elements = 1 << 20;  // no vertex is split within a block (below)
     blocks.emplace(model, program, tets_per_block, team);
   }
 };
@@ -153,6 +154,10 @@ struct CpuElements {
     for (int block = 0; block < blocks.block_count(); ++block) {
       block_colors_.push_back(static_cast<int>(packed.colors.size()));
       const Range phases = placed.phases_of(block);
+      if (layout_->holds) {
+        append_in_greedy_order(elements, block, placed, phases);
+        continue;
+      }
       for (int phase = phases.begin; phase < phases.end; ++phase) {
         const int begin = placed.phase_begin[phase], end = placed.phase_begin[phase + 1];
         vertices.clear();
@@ -168,6 +173,34 @@ struct CpuElements {
     block_colors_.push_back(static_cast<int>(packed.colors.size()));
     set_rest_in_blocks(elements);
   }
+  // Forces that are held, which no device has, settle faster in the order of a greedy colouring
+  // than in that of the fewest colours: a column whose mass ratio is 1e4 is .6 for 2.2 % off after
+  // 4 s.
+  void append_in_greedy_order(const Prepared<Effect, T>& elements, int block,
+                              const BlockElements<Effect, T>& placed, Range phases) {
+    const Range copies = layout_->blocks->copies_in(block);
+    std::vector<int> members(placed.element_of.begin() + placed.phase_begin[phases.begin],
+                             placed.element_of.begin() + placed.phase_begin[phases.end]);
+    std::ranges::sort(members);
+    std::vector<typename Packed::Vertices> local, vertices;
+    for (const int e : members) {
+      auto& element = local.emplace_back(elements.vertices[e]);
+      for (int& v : element) v = layout_->blocks->split().copy_of(block, v) - copies.begin;
+    }
+    const Coloring coloring = color_elements<Effect::arity>(
+        std::span<const typename Packed::Vertices>(local), copies.end - copies.begin);
+    for (int color = 0; color < coloring.color_count(); ++color) {
+      std::vector<int> of_color;
+      vertices.clear();
+      for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
+        of_color.push_back(members[coloring.order[at]]);
+        auto& element = vertices.emplace_back(local[coloring.order[at]]);
+        for (int& v : element) v += copies.begin;
+      }
+      packed.append_color(of_color, vertices);
+    }
+  }
+
   // What one sweep takes from an element's stiffness is given back where there is but one.
   void set_rest_in_blocks(const Prepared<Effect, T>& elements) {
     const bool in_one_sweep = !layout_->iterates && !layout_->holds;

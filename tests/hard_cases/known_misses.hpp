@@ -23,6 +23,8 @@ inline const std::vector<KnownMiss> known_misses = [] {
       // The same, for some orders of the elements; explicit dynamics is beyond its limit when the
       // bar is five times as long, which the check at rest cannot see.
       {"twist 720° and stretch ×5, release", "xpbd gauss_seidel", "", 5.4},
+      // In blocks too since a CPU takes a device's steps, on which it never recovered.
+      {"twist 720° and stretch ×5, release", "xpbd block_gauss_seidel", "", 2.45},
       {"twist 720° and stretch ×5, release", "tled", "", unbounded},
       {"twist 720° and stretch ×5, release", "fem", "", 1.9},
       // Jacobi lowers what an element does by its factor `split`: more is left where κ is large.
@@ -30,8 +32,6 @@ inline const std::vector<KnownMiss> known_misses = [] {
       {"ν 0.4999", "xpbd jacobi, split 4", "", 2.14},
       {"ν 0.49999", "xpbd jacobi, split 4", "", 2.18},
       // At the Cs limit one iteration a substep is not converged where stiff and heavy parts meet.
-      // (1.33 in blocks while viscosity held the body up at rest, which hid a tenth of it).
-      {"stiffness jump 1e2", "xpbd block_gauss_seidel", "", 1.46},
       {"stiffness jump 1e2", "xpbd jacobi, split 4", "", 5.4},
       // Held forces settle within seconds there (T .3 s, times what a sweep alone is off). By
       // colours it was 1.93 while less of the damping acted.
@@ -59,7 +59,6 @@ inline const std::vector<KnownMiss> known_misses = [] {
 
 // Of a device besides, where elements have another order and blocks are cut otherwise.
 inline const std::vector<KnownMiss> known_misses_on_cuda = {
-    {"random scramble, 20 seeds, ν 0.45", "pbd", "", 1},
-    {"twist 720° and stretch ×5, release", "xpbd block_gauss_seidel", "", 1.74}};
+    {"random scramble, 20 seeds, ν 0.45", "pbd", "", 1}};
 
 }  // namespace viscera::sim
