@@ -6,6 +6,7 @@
 #include <vtkCellData.h>
 #include <vtkFieldData.h>
 #include <vtkFloatArray.h>
+#include <vtkGenericCell.h>
 #include <vtkIdList.h>
 #include <vtkIntArray.h>
 #include <vtkNew.h>
@@ -55,10 +56,11 @@ void read_points(const std::filesystem::path& path, vtkUnstructuredGrid& grid, T
   }
 }
 
-// Whether a cell is a face, an edge or a point; VTK makes none of a type that it does not know.
-bool is_without_volume(vtkUnstructuredGrid& grid, vtkIdType c) {
-  vtkCell* cell = grid.GetCell(c);
-  return cell != nullptr && cell->GetCellDimension() < 3;
+// Whether cells of a type are faces, edges or points; VTK makes none of a type that it does not
+// know. By the type alone: the cell itself may name points that are not there.
+bool is_without_volume(int type) {
+  const auto cell = vtkSmartPointer<vtkCell>::Take(vtkGenericCell::InstantiateCell(type));
+  return cell && cell->GetCellDimension() < 3;
 }
 
 // Cells without volume are passed over in a mesh made elsewhere; other cells are never understood.
@@ -70,7 +72,7 @@ void read_tets(const std::filesystem::path& path, vtkUnstructuredGrid& grid, boo
   for (vtkIdType c = 0; c < count; ++c) {
     if (grid.GetCellType(c) == VTK_TETRA) {
       cells.push_back(c);
-    } else if (!foreign || !is_without_volume(grid, c)) {
+    } else if (!foreign || !is_without_volume(grid.GetCellType(c))) {
       if (others++ == 0) first_other = c;
     }
   }

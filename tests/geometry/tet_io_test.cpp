@@ -139,6 +139,21 @@ TEST(TetIo, ACellOfATypeThatThereIsNotIsRefusedAlsoInAMeshMadeElsewhere) {
   EXPECT_THROW(read_foreign_vtu(path), Error);
 }
 
+// A mesh without points: what such cells are is looked up before what they name is.
+TEST(TetIo, CellsWithoutVolumeThatNamePointsThatAreNotThereDoNotCrashAMeshMadeElsewhere) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const fs::path path = folder.path() / "mesh.vtu";
+  std::string text = one_tet("0", "1", "3");
+  const auto put = [&](const std::string& old, const std::string& replacement) {
+    text.replace(text.find(old), old.size(), replacement);
+  };
+  put(">0 1 2 3<", ">0 1 2<");
+  put(">4<", ">3<");
+  put(">10<", ">5<");  // a triangle
+  write_atomically(path, text);
+  EXPECT_THROW(read_foreign_vtu(path), Error);
+}
+
 TEST(TetIo, ATetrahedronOfAnotherNumberOfPointsIsRefused) {
   const TemporaryFolder folder(fs::temp_directory_path());
   const fs::path path = folder.path() / "mesh.vtu";
