@@ -26,6 +26,7 @@ struct VolumeBoundView {
   Vec3<T>* corrections;       // [n] m, by which vertices were moved in this substep
   int* group_of;              // [n] of JoinedVertices
   int* members;               // [n] likewise
+  int* state;  // whether any tet was moved in this substep, and whether any then falls
 
   __device__ MovingTet<T> tet(int t) const {
     MovingTet<T> tet{.rest_inverse = rest[t]};
@@ -104,17 +105,24 @@ __device__ bool repeat_over_watched(const VolumeBoundView<T>& view, int watched,
   return true;
 }
 
-// All tets that repeated averages have left, and those that they have pressed. By all threads of a
-// block.
+enum { any_moved, any_falls };
+
+// The tets that repeated averages have left, and those that they have pressed.
 template <class T>
-__device__ void join_those_left(const VolumeBoundView<T>& view) {
+__global__ void find_those_left(VolumeBoundView<T> view) {
+  const int t = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (t >= view.count || !view.state[any_moved]) return;
+  view.below[t] = view.tet(t).falls();
+  if (view.below[t]) view.state[any_falls] = 1;  // all write the same
+}
+
+// Joins them, and then those that this presses: they have a vertex in a group.
+template <class T>
+__global__ void __launch_bounds__(bound_threads) join_those_left(VolumeBoundView<T> view) {
   __shared__ bool any;
+  if (!view.state[any_moved] || !view.state[any_falls]) return;
   JoinedVertices<T> joined{view.group_of, view.members};  // thread 0's
   for (;;) {
-    for (int t = static_cast<int>(threadIdx.x); t < view.count; t += bound_threads) {
-      view.below[t] = view.tet(t).falls();
-    }
-    __syncthreads();
     const int wrong = compact(view.below, view.count, view.wrong);
     if (threadIdx.x == 0) {
       any = false;
@@ -130,6 +138,12 @@ __device__ void join_those_left(const VolumeBoundView<T>& view) {
     }
     __syncthreads();
     if (!any) return;
+    for (int t = static_cast<int>(threadIdx.x); t < view.count; t += bound_threads) {
+      bool grouped = false;
+      for (const int v : view.vertices[t]) grouped = grouped || view.group_of[v] >= 0;
+      view.below[t] = grouped && view.tet(t).falls();
+    }
+    __syncthreads();
   }
 }
 
@@ -141,15 +155,19 @@ __global__ void __launch_bounds__(bound_threads)
                   int substeps) {
   const int watched = compact(view.near_bound, view.count, view.watched);
   const bool now = !acts || *acts;
+  bool moved = false;
   if (now && watched > 0) {
     const auto push = [](MovingTet<T>& tet) { return tet.push(); };
     const auto halt = [](MovingTet<T>& tet) { return tet.halt(); };
     const auto would = [](const auto& correct) {
       return [correct](MovingTet<T> copy) { return correct(copy); };
     };
-    const bool pushed = repeat_over_watched(view, watched, VolumeBound::pushes, would(push), push);
-    const bool halted = repeat_over_watched(view, watched, VolumeBound::halts, would(halt), halt);
-    if (pushed || halted) join_those_left(view);
+    moved = repeat_over_watched(view, watched, VolumeBound::pushes, would(push), push);
+    moved = repeat_over_watched(view, watched, VolumeBound::halts, would(halt), halt) || moved;
+  }
+  if (threadIdx.x == 0) {
+    view.state[any_moved] = moved;
+    view.state[any_falls] = 0;
   }
   if (acts && threadIdx.x == 0 && (*done + 1) % substeps == 0) {
     *acts = VolumeBound::goes_on(now, watched, view.count);
@@ -171,6 +189,7 @@ class CudaVolumeBound {
         corrections_(tets_.vertices.empty() ? 0 : vertices),
         group_of_(std::vector<int>(corrections_.size(), -1)),
         members_(corrections_.size()),
+        state_(2),
         acts_(1),
         count_(static_cast<int>(tets_.vertices.size())) {
     begin_at({});
@@ -221,7 +240,8 @@ class CudaVolumeBound {
             .wrong = wrong_.get(),
             .corrections = corrections_.get(),
             .group_of = group_of_.get(),
-            .members = members_.get()};
+            .members = members_.get(),
+            .state = state_.get()};
   }
   void enqueue(cudaStream_t stream, const VolumeBoundView<T>& view, unsigned char* acts,
                const unsigned long long* done, int substeps) const {
@@ -232,6 +252,8 @@ class CudaVolumeBound {
           "clearing");
     watch_volumes<T><<<blocks, width, 0, stream>>>(view);
     bound_volumes<T><<<1, bound_threads, 0, stream>>>(view, acts, done, substeps);
+    find_those_left<T><<<blocks, width, 0, stream>>>(view);
+    join_those_left<T><<<1, bound_threads, 0, stream>>>(view);
   }
 
   BoundedTets<T> tets_;
@@ -242,7 +264,7 @@ class CudaVolumeBound {
   DeviceArray<unsigned char> below_;
   DeviceArray<int> wrong_;
   DeviceArray<Vec3<T>> corrections_;
-  DeviceArray<int> group_of_, members_;
+  DeviceArray<int> group_of_, members_, state_;
   DeviceArray<unsigned char> acts_;
   int count_;
 };
