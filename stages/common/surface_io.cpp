@@ -16,8 +16,8 @@
 
 #include "pipeline/contract/error.hpp"
 #include "stages/common/label_names_vtk.hpp"
-#include "stages/common/trial_read.hpp"
 #include "stages/common/vtk_messages.hpp"
+#include "stages/common/vtk_xml.hpp"
 
 namespace viscera {
 namespace {
@@ -69,21 +69,10 @@ void read_triangles(const std::filesystem::path& path, vtkPolyData& data, Surfac
 }  // namespace
 
 SurfaceMesh read_vtp(const std::filesystem::path& path) {
-  const VtkMessages messages;
-  vtkNew<vtkXMLPolyDataReader> reader;
-  reader->SetFileName(path.c_str());
-  const bool is_vtp = reader->CanReadFile(path.c_str()) != 0;
-  if (is_vtp) {
-    const std::string broken = what_breaks_reading(path, [&reader] { reader->Update(); });
-    if (!broken.empty()) throw bad_surface(path, "Piece", broken, "a whole .vtp file");
-  }
-  if (is_vtp) reader->Update();
-  if (!is_vtp || reader->GetErrorCode() != 0 || !messages.first().empty()) {
-    throw bad_surface(
-        path, "", messages.first().empty() ? "not readable as VTK XML poly data" : messages.first(),
-        "a whole .vtp file");
-  }
-  vtkPolyData& data = *reader->GetOutput();
+  const auto read = read_vtk_xml<vtkPolyData, vtkXMLPolyDataReader, vtkXMLPolyDataWriter>(
+      path, "VTK XML poly data");
+  if (!read.data) throw bad_surface(path, read.field, read.found, "a whole .vtp file");
+  vtkPolyData& data = *read.data;
   SurfaceMesh surface;
   surface.points.resize(static_cast<std::size_t>(data.GetNumberOfPoints()));
   for (vtkIdType i = 0; i < data.GetNumberOfPoints(); ++i) {

@@ -24,8 +24,8 @@
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
 #include "stages/common/label_names_vtk.hpp"
-#include "stages/common/trial_read.hpp"
 #include "stages/common/vtk_messages.hpp"
+#include "stages/common/vtk_xml.hpp"
 
 namespace viscera {
 namespace {
@@ -179,23 +179,11 @@ void read_cell_data(vtkUnstructuredGrid& grid, TetMesh& mesh) {
 }
 
 vtkSmartPointer<vtkUnstructuredGrid> read_grid(const std::filesystem::path& path) {
-  const VtkMessages messages;
-  vtkNew<vtkXMLUnstructuredGridReader> reader;
-  reader->SetFileName(path.c_str());
-  const bool is_vtu = reader->CanReadFile(path.c_str()) != 0;
-  if (is_vtu) {
-    const std::string broken = what_breaks_reading(path, [&reader] { reader->Update(); });
-    if (!broken.empty()) throw bad_mesh(path, "Piece", broken, "a whole .vtu file");
-  }
-  if (is_vtu) reader->Update();
-  vtkUnstructuredGrid* grid = is_vtu ? reader->GetOutput() : nullptr;
-  if (grid == nullptr || reader->GetErrorCode() != 0 || !messages.first().empty()) {
-    throw bad_mesh(
-        path, "",
-        messages.first().empty() ? "not readable as a VTK XML unstructured grid" : messages.first(),
-        "a whole .vtu file");
-  }
-  return grid;
+  auto read =
+      read_vtk_xml<vtkUnstructuredGrid, vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter>(
+          path, "a VTK XML unstructured grid");
+  if (!read.data) throw bad_mesh(path, read.field, read.found, "a whole .vtu file");
+  return read.data;
 }
 
 ForeignMesh read_as_it_stands(const std::filesystem::path& path, vtkUnstructuredGrid& grid,

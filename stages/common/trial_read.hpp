@@ -1,5 +1,6 @@
-// Debian's VTK 9.1 and HDF5 1.10 crash on some damaged files, and believe any number of points or
-// cells that a header claims. A first reading in a process of its own finds out without harm.
+// Debian's VTK 9.1 and HDF5 1.10 crash on some damaged files, write outside their arrays on others,
+// and believe any number of points or cells that a header claims. A process of its own reads such a
+// file without harm to this one.
 #pragma once
 
 #include <filesystem>
@@ -8,9 +9,19 @@
 
 namespace viscera {
 
+struct ChildReading {
+  std::string broken;  // what is wrong with the file, "" for nothing
+  std::string result;  // what `read` returned; empty where the file is broken
+};
+
 // Runs `read` in a copy of this process that may take 1 GB and 200 times the file's size (zlib
-// packs what we write at most 20 times) more than this one has. What is wrong with the file, "" for
-// nothing: complaints of the reader itself are left to the second reading.
+// packs what we write at most 20 times) more than this one has, and hands over what it returns. A
+// `read` that throws hands over nothing.
+ChildReading read_in_child(const std::filesystem::path& path,
+                           const std::function<std::string()>& read);
+
+// The same for a file that is read a second time, in this process, where the first reading bears
+// it: complaints of the reader itself are left to the second reading.
 std::string what_breaks_reading(const std::filesystem::path& path,
                                 const std::function<void()>& read);
 

@@ -32,5 +32,30 @@ TEST(TrialRead, AnEndOfTheProcessAndAWantOfMemoryAreTold) {
   EXPECT_NE(what_breaks([] { throw std::bad_alloc(); }).find("claims more"), std::string::npos);
 }
 
+TEST(TrialRead, WhatAChildReadsIsHandedOverWholeAndChangesNothingHere) {
+  static int writes = 0;
+  const std::string much(3 << 20, '\0');  // more than a pipe holds
+  const auto read = [&much] {
+    ++writes;
+    return much;
+  };
+  const ChildReading handed = read_in_child("/proc/self/exe", read);
+  EXPECT_EQ(handed.broken, "");
+  EXPECT_EQ(handed.result, much);
+  EXPECT_EQ(writes, 0) << "read in this process";
+}
+
+TEST(TrialRead, NothingIsHandedOverByAReaderThatCrashesOrThrows) {
+  const auto crash = [] {
+    std::raise(SIGSEGV);
+    return std::string("some");
+  };
+  EXPECT_EQ(read_in_child("/proc/self/exe", crash).result, "");
+  const auto refuse = []() -> std::string { throw std::runtime_error("refused"); };
+  const ChildReading refused = read_in_child("/proc/self/exe", refuse);
+  EXPECT_EQ(refused.broken, "");
+  EXPECT_EQ(refused.result, "");
+}
+
 }  // namespace
 }  // namespace viscera

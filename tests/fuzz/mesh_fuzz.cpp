@@ -1,7 +1,7 @@
 // One libFuzzer target for each format of meshes: .vtu, .msh and .vtp. Their libraries crash on
-// some inputs, and the readers find that out in a process of their own (trial_read.hpp). So the
-// fuzzer asks what a user may: that the reader returns or throws Error. It is slow, for it
-// starts up to three processes an input. FUZZ_FILE names the file; its ending chooses the reader.
+// some inputs, and run in a process of their own (trial_read.hpp). So the fuzzer asks what a user
+// may: that the reader returns or throws Error. It is slow, for it starts up to three processes an
+// input. FUZZ_FILE names the file; its ending chooses the reader.
 #include "pipeline/contract/log.hpp"
 #include "stages/common/surface_io.hpp"
 #include "stages/common/tet_io.hpp"
