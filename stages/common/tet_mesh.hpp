@@ -8,6 +8,8 @@
 
 namespace viscera {
 
+inline constexpr int max_label = 65535;  // images and files of labels hold 16 bits
+
 struct TetMesh {
   std::vector<std::array<double, 3>> points;  // mm
   std::vector<std::array<int, 4>> tets;       // positively oriented: det(p1-p0, p2-p0, p3-p0) > 0

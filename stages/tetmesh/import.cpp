@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <set>
 
 #include "pipeline/contract/error.hpp"
 #include "stages/common/tet_checks.hpp"
@@ -95,9 +96,26 @@ void orient(TetMesh& mesh, const std::string& file, Repairs& repairs) {
   refuse_tets(mesh, without_volume, file, "tets without volume", "tets of positive volume");
 }
 
-// Label 0 is the outside: its tets get the next free label.
-void relabel_zero(TetMesh& mesh, Repairs& repairs) {
-  const int free_label = *std::max_element(mesh.labels.begin(), mesh.labels.end()) + 1;
+// The next label above all that are in use, or where there is none the lowest that is free.
+int free_label_of(const TetMesh& mesh, const std::string& file) {
+  const std::set<int> used(mesh.labels.begin(), mesh.labels.end());
+  int label = *used.rbegin() < max_label ? *used.rbegin() + 1 : 1;
+  while (used.contains(label)) ++label;
+  if (label <= max_label) return label;
+  throw Error(ExitCode::bad_input, {.where = file,
+                                    .field = "labels",
+                                    .found = fmt::format("all labels from 0 to {}", max_label),
+                                    .allowed = "one that is free, for label 0 is the outside",
+                                    .remedy = "merge two labels"});
+}
+
+// Label 0 is the outside: its tets get a free label.
+void relabel_zero(TetMesh& mesh, const std::string& file, Repairs& repairs) {
+  if (std::ranges::count(mesh.labels, 0) == 0) {
+    mesh.label_names.erase(0);
+    return;
+  }
+  const int free_label = free_label_of(mesh, file);
   for (int& label : mesh.labels) {
     if (label != 0) continue;
     label = free_label;
@@ -114,7 +132,7 @@ void relabel_zero(TetMesh& mesh, Repairs& repairs) {
 Repairs repair(TetMesh& mesh, const std::string& file) {
   Repairs repairs;
   mesh.cell_data.clear();
-  relabel_zero(mesh, repairs);
+  relabel_zero(mesh, file, repairs);
   merge_points(mesh, repairs);
   const std::size_t points = mesh.points.size() - repairs.points_merged;
   drop_collapsed_and_repeated(mesh, file, repairs);

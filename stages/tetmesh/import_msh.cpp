@@ -18,8 +18,6 @@
 namespace viscera {
 namespace {
 
-constexpr int max_label = 65535;
-
 Error bad_msh(const std::filesystem::path& path, std::string field, std::string found,
               std::string allowed) {
   return Error(ExitCode::bad_input, {.where = path.string(),

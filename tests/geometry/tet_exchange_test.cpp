@@ -240,6 +240,15 @@ TEST(Repair, LabelZeroBecomesAFreeLabel) {
   EXPECT_EQ(*std::min_element(mesh.labels.begin(), mesh.labels.end()), 1);
 }
 
+TEST(Repair, LabelZeroBesideTheHighestLabelBecomesOneThatFilesHold) {
+  TetMesh mesh = two_materials();
+  for (int& label : mesh.labels) label = label == 1 ? 0 : 65535;
+  mesh.label_names = {{0, "liver"}, {65535, "tumour"}};
+  repair(mesh, "mesh.msh");
+  EXPECT_EQ(mesh.label_names, (std::map<int, std::string>{{1, "liver"}, {65535, "tumour"}}));
+  EXPECT_EQ(std::set<int>(mesh.labels.begin(), mesh.labels.end()), (std::set<int>{1, 65535}));
+}
+
 TEST(Repair, WhatWouldTakeAGuessIsRefusedWithCountAndPlace) {
   TetMesh flat = two_materials();
   const auto& tet = flat.tets[0];
