@@ -1,4 +1,4 @@
-// What a block does with one of its vertices or elements within a substep (program.hpp has the
+// What a block does with one of its vertices or elements within a substep (step/substep.hpp has the
 // order). Plain functions for host and device: the CUDA kernel spreads them over its threads, the
 // tests call them one after the other.
 #pragma once
@@ -118,7 +118,7 @@ constexpr void for_each_view(const BlockScene<T>& scene, Function&& function) {
   });
 }
 
-// Which element effects a pass over them is for, in the order of a substep (solvers/program.hpp).
+// Which element effects a pass over them is for, in the order of a substep (step/substep.hpp).
 enum class ElementPass { rate_forces, forces, constraints };
 template <class Effect>
 inline constexpr ElementPass pass_of = is_rate_force<Effect>   ? ElementPass::rate_forces

@@ -314,10 +314,9 @@ class CudaSolver final : public Solver {
 
   // What travels as a kernel argument is part of the graph.
   void capture() {
-    graph_ = Graph(stream_, [this] { enqueue_substep(program_.rule); });
+    graph_ = substep_by(program_.rule);
     if (program_.rule.share > T(0)) {
-      graph_to_first_order_ =
-          Graph(stream_, [this] { enqueue_substep(program_.rule.to_first_order()); });
+      graph_to_first_order_ = substep_by(program_.rule.to_first_order());
     }
     if (!viscous_step_) return;
     const auto enqueue_decay = [this](Arithmetic arithmetic, const Vec3<T>* velocity,
@@ -342,118 +341,134 @@ class CudaSolver final : public Solver {
     viscous_step_->capture(stream_, program_.rule, v_.get(), last_.get(), enqueue_decay);
   }
 
+  Graph substep_by(const TimeRule<T>& rule) const {
+    return Graph(stream_, [&] {
+      Enqueue on(*this, rule);
+      substep(on);
+      check(cudaGetLastError(), "launching a kernel");
+    });
+  }
+
   static int blocks(int threads) { return (threads + block_size - 1) / block_size; }
 
-  void enqueue_substep(const TimeRule<T>& rule) {
-    const T usual_acts = program_.rule.acts;  // rate forces are prepared for it
-    begin<T><<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), v_.get(), last_.get(),
-                                                     d_.get(), rule, usual_acts);
-    if (!viscous_step_) enqueue_rate_forces();
-    if (program_.rule.share > T(0)) {
-      go_further_on<T><<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), last_.get(),
-                                                               d_.get(), rule, usual_acts);
-    }
-    for_each_active<EffectKind::force>([&]<class Effect>(const auto& effect) {
-      apply_force<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), v_.get(), last_.get(),
-          d_.get(), rule);
-    });
-    for_each_active<EffectKind::motion>([&]<class Effect>(const auto& effect) {
-      const int count = static_cast<int>(effect.vertices.size());
-      if (count == 0) return;
-      move<Effect, T><<<blocks(count), block_size, 0, stream_>>>(
-          count, effect.vertices.get(), effect.device, rest_.get(), u_.get(), d_.get(), done_.get(),
-          dt_);
-    });
-    for_each_active<EffectKind::self_contact>([&]<class Effect>(const auto& effect) {
-      effect.enqueue_push(stream_, u_.get(), d_.get(), inverse_mass_.get());
-    });
-    for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
-      push<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), d_.get(),
-          effect.correction.get(), done_.get(), dt_);
-    });
-    if (layout_.holds) {
-      hold_forces<T><<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), held_.get(),
-                                                             d_.get(), added_.get());
-    }
-    for (int i = 0; i < options_.iterations; ++i) enqueue_iteration(i, rule.acts);
-    if (layout_.holds) {
-      renew_held<T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, inverse_mass_.get(), d_.get(), added_.get(), constants_.renewed, held_.get());
-    }
-    for_each_active<EffectKind::self_contact>([&]<class Effect>(const auto& effect) {
-      effect.enqueue_rub(stream_, u_.get(), d_.get(), inverse_mass_.get());
-    });
-    for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
-      rub<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-          n_, effect.device, effect.correction.get(), v_.get(), d_.get(), done_.get(), dt_);
-    });
-    volume_bound_.enqueue(stream_, u_.get(), d_.get(), inverse_mass_.get(), rule.acts, done_.get(),
-                          substeps_);
-    for_each_active<EffectKind::contact>([&]<class Effect>(const auto& effect) {
-      if constexpr (can_stop<Effect, T>) {
-        stop<Effect, T><<<blocks(n_), block_size, 0, stream_>>>(
-            n_, effect.device, inverse_mass_.get(), rest_.get(), u_.get(), d_.get(), done_.get(),
-            dt_);
-      }
-    });
-    end<T><<<blocks(n_), block_size, 0, stream_>>>(n_, inverse_mass_.get(), d_.get(), rule,
-                                                   u_.get(), v_.get(), last_.get(), done_.get());
-    const auto after_stops = [&](const Vec3<T>* correction) {
-      if (rule.share == T(0) || !correction) return;
-      after_stop<T>
-          <<<blocks(n_), block_size, 0, stream_>>>(n_, correction, rule, v_.get(), last_.get());
-    };
-    for_each_active<EffectKind::contact>(
-        [&]<class Effect>(const auto& effect) { after_stops(effect.correction.get()); });
-    after_stops(volume_bound_.corrections());
-    check(cudaGetLastError(), "launching a kernel");
+  DeviceVertices<T> vertices() const {
+    return {inverse_mass_.get(), rest_.get(), u_.get(), v_.get(), d_.get(),
+            last_.get(),         done_.get(), dt_};
   }
 
-  // They act on g v alone (the order of a substep: solvers/program.hpp).
-  void enqueue_rate_forces() {
-    bool begun = false;
-    for_each_active<EffectKind::element>([&]<class Effect>(const auto& effect) {
-      if constexpr (is_rate_force<Effect>) {
-        if (!begun) enqueue_led_motion();
-        begun = true;
-        for (int pass = 0; pass < program_.viscous_step.passes; ++pass) {
-          enqueue_sweep<Effect, Arithmetic::xpbd_only>(effect, program_.rule.acts);
+  // Enqueues a substep (step/substep.hpp), one kernel after the other.
+  class Enqueue {
+   public:
+    using Number = T;
+
+    Enqueue(const CudaSolver& solver, const TimeRule<T>& rule)
+        : s_(solver), rule_(rule), acts_(rule.acts) {}
+
+    const TimeRule<T>& rule() const { return rule_; }
+    const TimeRule<T>& usual_rule() const { return s_.program_.rule; }
+
+    void find_compressed() const {}  // bound_compression() does
+    void solve_damping() const {}    // the host does, before it launches the substep
+    void act_over(T acts) { acts_ = acts; }
+
+    template <class VertexStep>
+    void for_each_vertex(const VertexStep& step) const {
+      sim::for_each_vertex<<<blocks(s_.n_), block_size, 0, s_.stream_>>>(s_.n_, s_.vertices(),
+                                                                         step);
+    }
+    template <class Motion, class VertexStep>
+    void for_each_led(const Motion& motion, const VertexStep& step) const {
+      const int count = static_cast<int>(motion.vertices.size());
+      if (count == 0) return;
+      sim::for_each_led<<<blocks(count), block_size, 0, s_.stream_>>>(count, motion.vertices.get(),
+                                                                      s_.vertices(), step);
+    }
+    template <class VertexStep>
+    void end(const VertexStep& step) const {
+      sim::end<<<blocks(s_.n_), block_size, 0, s_.stream_>>>(s_.n_, s_.vertices(), step);
+    }
+    template <EffectKind kind, class Function>
+    void for_each_effect(Function&& function) const {
+      s_.template for_each_active<kind>([&]<class Effect>(const auto& effect) {
+        if constexpr (kind == EffectKind::contact) {
+          const Contact<Effect> contact{effect.device, effect.correction.get()};
+          function.template operator()<Effect>(contact);
+        } else {
+          function.template operator()<Effect>(effect);
         }
-      }
-    });
-  }
-  void enqueue_led_motion() {
-    for_each_active<EffectKind::motion>([&]<class Effect>(const auto& effect) {
-      const int count = static_cast<int>(effect.vertices.size());
-      if (count == 0) return;
-      go_on<T><<<blocks(count), block_size, 0, stream_>>>(count, effect.vertices.get(), v_.get(),
-                                                          d_.get(), program_.rule.acts);
-    });
-  }
+      });
+    }
 
-  // One iteration over all elements. Forces (rows = 0) act once a substep.
-  void enqueue_iteration(int iteration, T acts) {
-    const Arithmetic arithmetic = arithmetic_of(options_, iteration);
-    Effects::for_each([&]<class Effect, std::size_t i>() {
-      for (const auto& own : std::get<i>(effects_)) {
-        if constexpr (Effect::kind == EffectKind::region) {
-          own.enqueue(stream_, arithmetic, options_.stiffness,
-                      {u_.get(), d_.get(), inverse_mass_.get()});
-        } else if constexpr (Effect::kind == EffectKind::element) {
-          if constexpr (is_constraint<Effect>) {
-            enqueue_sweep_by<Effect>(own, arithmetic, acts);
-          } else if (!is_rate_force<Effect> && iteration == 0) {
-            enqueue_sweep<Effect, Arithmetic::xpbd_only>(own, acts);
+    bool sweeps_rate_forces() const {
+      bool any = false;
+      for_each_effect<EffectKind::element>([&any]<class Effect>(const auto&) {
+        if constexpr (is_rate_force<Effect>) any = true;
+      });
+      return any && !s_.viscous_step_;
+    }
+    void sweep_rate_forces() const {
+      for_each_effect<EffectKind::element>([&]<class Effect>(const auto& effect) {
+        if constexpr (is_rate_force<Effect>) {
+          for (int pass = 0; pass < s_.program_.viscous_step.passes; ++pass) {
+            s_.template enqueue_sweep<Effect, Arithmetic::xpbd_only>(effect, acts_);
           }
         }
-      }
-    });
-  }
+      });
+    }
+
+    bool holds_forces() const { return s_.layout_.holds; }
+    Vec3<T>* held() const { return s_.held_.get(); }
+    Vec3<T>* added() const { return s_.added_.get(); }
+    T renewed() const { return s_.constants_.renewed; }
+
+    int iterations() const { return s_.options_.iterations; }
+    // Forces (rows = 0) act once a substep.
+    void solve_elements(int iteration) const {
+      const Arithmetic arithmetic = arithmetic_of(s_.options_, iteration);
+      Effects::for_each([&]<class Effect, std::size_t i>() {
+        for (const auto& own : std::get<i>(s_.effects_)) {
+          if constexpr (Effect::kind == EffectKind::region) {
+            own.enqueue(s_.stream_, arithmetic, s_.options_.stiffness,
+                        {s_.u_.get(), s_.d_.get(), s_.inverse_mass_.get()});
+          } else if constexpr (Effect::kind == EffectKind::element) {
+            if constexpr (is_constraint<Effect>) {
+              s_.template enqueue_sweep_by<Effect>(own, arithmetic, acts_);
+            } else if (!is_rate_force<Effect> && iteration == 0) {
+              s_.template enqueue_sweep<Effect, Arithmetic::xpbd_only>(own, acts_);
+            }
+          }
+        }
+      });
+    }
+
+    template <class SelfContact>
+    void push(const SelfContact& effect) const {
+      effect.enqueue_push(s_.stream_, s_.u_.get(), s_.d_.get(), s_.inverse_mass_.get());
+    }
+    template <class SelfContact>
+    void rub(const SelfContact& effect) const {
+      effect.enqueue_rub(s_.stream_, s_.u_.get(), s_.d_.get(), s_.inverse_mass_.get());
+    }
+    void bound_compression() const {
+      s_.volume_bound_.enqueue(s_.stream_, s_.u_.get(), s_.d_.get(), s_.inverse_mass_.get(),
+                               rule_.acts, s_.done_.get(), s_.substeps_);
+    }
+    const Vec3<T>* bound_corrections() const { return s_.volume_bound_.corrections(); }
+
+   private:
+    template <class Effect>
+    struct Contact {
+      const typename Effect::template Device<T>& device;
+      Vec3<T>* correction;  // [n] m, on the device
+    };
+
+    const CudaSolver& s_;
+    TimeRule<T> rule_;
+    T acts_;  // s
+  };
 
   template <class Effect>
-  void enqueue_sweep_by(const OnDevice<Effect, T>& own, Arithmetic arithmetic, T acts) {
+  void enqueue_sweep_by(const OnDevice<Effect, T>& own, Arithmetic arithmetic, T acts) const {
     using enum Arithmetic;
     switch (arithmetic) {
       case xpbd_only:
@@ -476,7 +491,7 @@ class CudaSolver final : public Solver {
   }
 
   template <class Effect, Arithmetic arithmetic>
-  void enqueue_sweep(const OnDevice<Effect, T>& own, T acts) {
+  void enqueue_sweep(const OnDevice<Effect, T>& own, T acts) const {
     const auto& colors = own.coloring.color_begin;
     if (!own.gathers) {
       for (std::size_t c = 0; c + 1 < colors.size(); ++c) {
@@ -491,7 +506,7 @@ class CudaSolver final : public Solver {
   }
 
   template <class Effect, Arithmetic arithmetic>
-  void enqueue_elements(const OnDevice<Effect, T>& own, int first, int last, T acts) {
+  void enqueue_elements(const OnDevice<Effect, T>& own, int first, int last, T acts) const {
     if (first == last) return;
     solve_elements<Effect, arithmetic, T><<<blocks(last - first), block_size, 0, stream_>>>(
         first, last, own.view(), inverse_mass_.get(), u_.get(), d_.get(), constants_, acts);

@@ -1,24 +1,5 @@
 // Everything constant that a run needs, on the host: what each effect that a scene names prepares,
 // and nothing for those that it does not.
-//
-// A substep, with d the displacement over it:
-//   free way          d = g v, with g the time over which forces act; u and v are extrapolated by a
-//                     third of what the last substep added (time_rule.hpp); to first order by
-//                     nothing, and g = dt
-//   rate forces       d += g^2 M^-1 f(u, d / g): element effects that vanish where nothing moves;
-//                     where that is too little, v is solved for before (viscous_step.hpp)
-//   further on        d += what u was extrapolated by
-//   force effects     d += g^2 a
-//   motion effects    d leads to where the vertex is told to be
-//   self-contact      d keeps the surface off itself
-//   contact effects   push: d leads out of the obstacle
-//   element effects   d += g^2 M^-1 p, by the method's arithmetic and in the scheme's order
-//   region effects    among them: d approaches the moved rest shape
-//   self-contact      d loses what friction takes, and keeps half of the thickness
-//   contact effects   rub: d loses what friction takes; stop: none passes through
-//   end               u += d, v = (d - what u was extrapolated by) / g; d / dt along what stops it
-// The velocity comes from d and is never a difference of two positions, so single precision keeps
-// gravity at any substep (Macklin et al., "Small Steps in Physics Simulation", SCA 2019).
 #pragma once
 
 #include <algorithm>
