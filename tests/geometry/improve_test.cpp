@@ -134,6 +134,27 @@ TEST(EdgeRemoval, AnInterfaceEdgeIsSwappedWithinItsPlane) {
     }
 }
 
+TEST(EdgeSwap, AnInvertedTetThatNoFillingMendsIsLeftAlone) {
+  TetMesh mesh = ring_of(4, 0.7);
+  mesh.points[1][2] = -1.4;  // the upper end below the lower one
+  const Projector none;
+  Stars stars(mesh, none);
+  ASSERT_LT(stars.worst(stars.star(0)), 0.0);
+  EXPECT_FALSE(swap_edge(stars, 0, 1, 0.3));
+  EXPECT_FALSE(relieve(stars, 0, -1.0));
+  stars.extract(mesh);
+  EXPECT_EQ(mesh.tets.size(), 4u);
+}
+
+TEST(FaceFlip, TwoTetsOnTheSameCornersHaveNoPointAcross) {
+  const TetMesh tangled{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                        .tets = {{0, 1, 2, 3}, {0, 2, 1, 3}},
+                        .labels = {1, 1}};
+  const Projector none;
+  Stars stars(tangled, none);
+  for (int corner = 0; corner < 4; ++corner) EXPECT_FALSE(flip_face(stars, 0, corner));
+}
+
 TEST(FaceFlip, TwoTetsBecomeThreeOfTheSameMaterialOnly) {
   TetMesh mesh{.points = {{1, 0, 0}, {-0.5, 0.9, 0}, {-0.5, -0.9, 0}, {0, 0, 0.2}, {0, 0, -0.2}},
                .tets = {{0, 1, 2, 3}, {0, 2, 1, 4}},
