@@ -155,7 +155,7 @@ std::optional<Filling> without_edge(const Stars& mesh, int a, int b, const Ring&
   for (int side = 0; side < 2; ++side) {
     PolygonFilling polygon(mesh, a, b, around.polygon[side]);
     filling.worst = std::min(filling.worst, polygon.solve(bar));
-    if (filling.worst <= bar) return std::nullopt;
+    if (filling.worst <= std::max(bar, 0.0)) return std::nullopt;  // 0: it gave up
     polygon.collect(around.label[side], filling.tets);
   }
   if (around.on_surface && !may_swap(mesh, a, b, around, leeway(bar))) return std::nullopt;
@@ -197,6 +197,7 @@ bool flip_face(Stars& mesh, int tet, int corner) {
     int across = -1;
     for (const int c : o)
       if (!holds(t, c)) across = c;
+    if (across < 0) return false;  // tangled: two tets on the same four corners
     Tets fresh;
     double worst = no_quality;
     const double bar = std::max(std::min(mesh.quality(tet), mesh.quality(other)), 0.0) + gain;

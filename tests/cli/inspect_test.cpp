@@ -75,10 +75,17 @@ TEST_F(Inspect, StatusSaysOfAFailedGateWhatToChange) {
   EXPECT_TRUE(contains(text, "  remedy:  lower beta.size\n")) << text;
 }
 
-TEST_F(Inspect, StatusForProgramsHasGatesAndFigures) {
+TEST_F(Inspect, StatusForProgramsHasGatesFiguresAndFailures) {
   const Json json = Json::parse(out({"status", "spec.yaml", "--json"}));
   EXPECT_EQ(json["cases"][0]["state"], "ok");
   EXPECT_EQ(json["cases"][0]["stages"][1]["gates"][0]["name"], "size");
+  EXPECT_EQ(work_.run({"--set", "beta.text=fail"}).exit, 4);
+  work_.started();
+  const Json failed =
+      Json::parse(out({"status", "spec.yaml", "--set", "beta.text=fail", "--json"}));
+  EXPECT_EQ(failed["cases"][0]["state"], "failed");
+  EXPECT_EQ(failed["cases"][0]["message"], "beta: volume.txt: text fail");
+  EXPECT_EQ(failed["cases"][0]["stages"][1]["exit"], 4);
 }
 
 TEST_F(Inspect, GraphsAreColouredByState) {

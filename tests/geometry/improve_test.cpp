@@ -74,6 +74,23 @@ TEST(TetQualityOfTheImprover, IsOneForARegularTetAndFallsForEveryKindOfBadOne) {
   EXPECT_LT(tet_quality(a, b, c, d, 20.0 * edge), 0.1);  // well shaped, but far too small
 }
 
+// What judges a needle is its scaled Jacobian, at the corner with the longest edges.
+TEST(TetQualityOfTheImprover, DoesNotDependOnWhichCornerOfANeedleComesFirst) {
+  const Vec needle[4] = {{0, 0, 1}, {0.05, 0, 0}, {-0.03, 0.05, 0}, {-0.03, -0.05, 0}};
+  const auto quality = [&](const Tet& t) {
+    return tet_quality(needle[t[0]], needle[t[1]], needle[t[2]], needle[t[3]], 0.05);
+  };
+  Tet order{0, 1, 2, 3};
+  const double first = quality({0, 1, 3, 2});
+  ASSERT_GT(first, 0.0);
+  do {
+    const bool positive = quality(order) > 0.0;
+    if (!positive) std::swap(order[2], order[3]);
+    EXPECT_NEAR(quality(order), first, 1e-9) << order[0] << order[1] << order[2] << order[3];
+    if (!positive) std::swap(order[2], order[3]);
+  } while (std::next_permutation(order.begin(), order.end()));
+}
+
 TEST(TetQualityOfTheImprover, IsTheSameToTheLastBitForOneTetAndForManyAtOnce) {
   const TetMesh mesh = shaken_cube(3, 0.6, 5);  // some of them inverted
   const Projector none;
@@ -134,6 +151,93 @@ TEST(EdgeRemoval, AnInterfaceEdgeIsSwappedWithinItsPlane) {
     }
 }
 
+// Two points of the surface z = 0 and their two neighbours in it, one point above and one below:
+// the edge from 0 to 1 is to give way to the one from 2 to 3.
+TetMesh four_on_an_edge(double z_of_edge, double z_of_other) {
+  return {.points = {{-2, 0, z_of_edge},
+                     {2, 0, z_of_edge},
+                     {0, -1, z_of_other},
+                     {0, 1, z_of_other},
+                     {0, 0, 1.6},
+                     {0, 0, -1.6}},
+          .tets = {{0, 1, 3, 4}, {0, 1, 4, 2}, {0, 1, 2, 5}, {0, 1, 5, 3}},
+          .labels = {1, 1, 2, 2}};
+}
+
+TEST(EdgeRemoval, ASurfaceIsNotSwappedAcrossAFoldNorIntoOne) {
+  const Projector anywhere = [](const Vec& p, const std::vector<int>&) {
+    return Contact{p, {{0, 0, 1}}};
+  };
+  {
+    const TetMesh flat = four_on_an_edge(0.0, 0.0);
+    Stars stars(flat, anywhere);
+    EXPECT_TRUE(remove_edge(stars, 0, 1)) << "or the others show nothing";
+  }
+  for (const auto& [z_of_edge, z_of_other] :
+       {std::pair(0.0, -0.6), std::pair(0.0, 0.6), std::pair(-1.3, 0.0), std::pair(1.3, 0.0)}) {
+    const TetMesh folded = four_on_an_edge(z_of_edge, z_of_other);
+    Stars stars(folded, anywhere);
+    EXPECT_FALSE(remove_edge(stars, 0, 1)) << z_of_edge << " " << z_of_other;
+  }
+}
+
+TEST(EdgeRemoval, ANewSurfaceEdgeIsWithinItsLeewayOrNoFartherThanTheOldOne) {
+  double surface = 0.0;
+  const Projector plane = [&](const Vec& p, const std::vector<int>&) {
+    return Contact{{p[0], p[1], surface}, {{0, 0, 1}}};
+  };
+  const auto swapped = [&](double z_of_edge, double z_of_other, double z_of_surface) {
+    surface = z_of_surface;
+    const TetMesh mesh = four_on_an_edge(z_of_edge, z_of_other);
+    Stars stars(mesh, plane);
+    const double allowed = leeway(stars.worst(stars.star(0))).distance * stars.size(0);
+    EXPECT_GT(allowed, 0.1);
+    EXPECT_LT(allowed, 0.5);
+    return remove_edge(stars, 0, 1);
+  };
+  EXPECT_TRUE(swapped(0.0, 0.1, 0.0)) << "farther, but within the leeway";
+  EXPECT_TRUE(swapped(0.0, 0.1, 0.7)) << "beyond the leeway, but nearer than the old one";
+  EXPECT_FALSE(swapped(0.1, 0.0, 0.7)) << "beyond the leeway, and farther";
+}
+
+// A flat tet on a floor of good ones: without it the floor is as flat as before.
+TEST(EdgeRemoval, ASingleFlatTetIsTakenOffTheBoundary) {
+  TetMesh mesh{.points = {{-1, 0, 0.02}, {1, 0, 0.02}, {0, -1, 0}, {0, 1, 0}, {0, 0, -1}},
+               .tets = {{0, 1, 2, 3}, {2, 3, 4, 0}, {2, 3, 1, 4}},
+               .labels = {1, 1, 1}};
+  ASSERT_EQ(inspect(mesh).inverted, 0u);
+  const Projector floor = [](const Vec& p, const std::vector<int>&) {
+    return Contact{{p[0], p[1], 0.0}, {{0, 0, 1}}};
+  };
+  Stars stars(mesh, floor);
+  ASSERT_TRUE(remove_edge(stars, 0, 1));
+  stars.extract(mesh);
+  EXPECT_EQ(mesh.tets.size(), 2u);
+  EXPECT_EQ(mesh.points.size(), 5u);
+  expect_sound(mesh);
+}
+
+TEST(EdgeSwap, AnInvertedTetThatNoFillingMendsIsLeftAlone) {
+  TetMesh mesh = ring_of(4, 0.7);
+  mesh.points[1][2] = -1.4;  // the upper end below the lower one
+  const Projector none;
+  Stars stars(mesh, none);
+  ASSERT_LT(stars.worst(stars.star(0)), 0.0);
+  EXPECT_FALSE(swap_edge(stars, 0, 1, 0.3));
+  EXPECT_FALSE(relieve(stars, 0, -1.0));
+  stars.extract(mesh);
+  EXPECT_EQ(mesh.tets.size(), 4u);
+}
+
+TEST(FaceFlip, TwoTetsOnTheSameCornersHaveNoPointAcross) {
+  const TetMesh tangled{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                        .tets = {{0, 1, 2, 3}, {0, 2, 1, 3}},
+                        .labels = {1, 1}};
+  const Projector none;
+  Stars stars(tangled, none);
+  for (int corner = 0; corner < 4; ++corner) EXPECT_FALSE(flip_face(stars, 0, corner));
+}
+
 TEST(FaceFlip, TwoTetsBecomeThreeOfTheSameMaterialOnly) {
   TetMesh mesh{.points = {{1, 0, 0}, {-0.5, 0.9, 0}, {-0.5, -0.9, 0}, {0, 0, 0.2}, {0, 0, -0.2}},
                .tets = {{0, 1, 2, 3}, {0, 2, 1, 4}},
@@ -153,6 +257,51 @@ TEST(FaceFlip, TwoTetsBecomeThreeOfTheSameMaterialOnly) {
   expect_sound(mesh);
 }
 
+// Two tets become three: each end of the new edge has one before and three after, each corner of
+// the face two before and two after.
+TEST(Crowding, CountsTheTetsThatAPointGetsLessThoseThatItLoses) {
+  const TetMesh mesh{
+      .points = {{1, 0, 0}, {-0.5, 0.9, 0}, {-0.5, -0.9, 0}, {0, 0, 0.2}, {0, 0, -0.2}},
+      .tets = {{0, 1, 2, 3}, {0, 2, 1, 4}},
+      .labels = {1, 1}};
+  const std::vector<std::pair<Tet, int>> three = {
+      {{3, 4, 0, 1}, 1}, {{3, 4, 1, 2}, 1}, {{3, 4, 2, 0}, 1}};
+  const std::vector<std::pair<Tet, int>> same = {{mesh.tets[0], 1}, {mesh.tets[1], 1}};
+  const Projector none;
+  const auto crowds = [&](int valence, const std::vector<std::pair<Tet, int>>& fresh) {
+    return Stars(mesh, none, {.valence = valence}).crowds({0, 1}, fresh);
+  };
+  EXPECT_FALSE(crowds(3, three));
+  EXPECT_TRUE(crowds(2, three));
+  EXPECT_FALSE(crowds(1, same)) << "too many for this limit, but no more than before";
+}
+
+// Busy points are relieved down to just this quality.
+TEST(SurfaceLeeway, OnlyTetsBelowPoorMaySpendTheWideOne) {
+  const double poor = ImproveOptions{}.poor;
+  EXPECT_GT(leeway(poor).cosine, leeway(std::nextafter(poor, 0.0)).cosine);
+  EXPECT_LT(leeway(poor).distance, leeway(std::nextafter(poor, 0.0)).distance);
+}
+
+// Six facets around point 0, in the plane but for one point that stands above it.
+TEST(SurfaceLeeway, AMoveIsRefusedWhicheverEndOfAFacetLeavesTheSurface) {
+  const Projector plane = [](const Vec& p, const std::vector<int>&) {
+    return Contact{{p[0], p[1], 0.0}, {{0, 0, 1}}};
+  };
+  for (int raised = 1; raised <= 7; ++raised) {  // 7: none
+    TetMesh mesh{.points = {{0, 0, -0.3}}};
+    for (int i = 0; i < 6; ++i) {
+      const double angle = std::numbers::pi * i / 3.0;
+      mesh.points.push_back({std::cos(angle), std::sin(angle), i + 1 == raised ? 0.6 : 0.0});
+    }
+    mesh.points.push_back({0, 0, 1});
+    for (int i = 0; i < 6; ++i) mesh.tets.push_back({0, 1 + i, 1 + (i + 1) % 6, 7});
+    mesh.labels.assign(6, 1);
+    const Stars stars(mesh, plane);
+    EXPECT_EQ(surface_follows(stars, 0, {{0, 0, 0}, {{0, 0, 1}}}), raised == 7) << raised;
+  }
+}
+
 TEST(Smoothing, RaisesTheWorstTetAndNeverInverts) {
   for (unsigned seed = 1; seed <= 5; ++seed) {
     TetMesh mesh = shaken_cube(4, 0.3, seed);
@@ -168,6 +317,54 @@ TEST(Smoothing, RaisesTheWorstTetAndNeverInverts) {
     stars.extract(mesh);
     expect_sound(mesh);
   }
+}
+
+// An octahedron's inner point that is off its middle along one axis only, to either side.
+TEST(Smoothing, EveryAxisIsFollowedByItsOwnSlope) {
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double off : {-0.6, 0.6}) {
+      TetMesh mesh{.points = {{0, 0, 0}}};
+      for (int a = 0; a < 3; ++a)
+        for (const double side : {-1.0, 1.0}) {
+          mesh.points.push_back({0, 0, 0});
+          mesh.points.back()[a] = side;
+        }
+      for (const int x : {1, 2})
+        for (const int y : {3, 4})
+          for (const int z : {5, 6}) {
+            const bool even = (x + y + z) % 2 == 0;
+            mesh.tets.push_back({0, even ? x : y, even ? y : x, z});
+          }
+      mesh.labels.assign(8, 1);
+      ASSERT_EQ(inspect(mesh).inverted, 0u);
+      mesh.points[0][axis] = off;
+      const Projector none;
+      for (const bool mean : {false, true}) {
+        Stars stars(mesh, none);
+        ASSERT_TRUE(mean ? settle(stars, 0, 0.3) : smooth(stars, 0)) << axis << off;
+        EXPECT_LT(std::abs(stars.points()[0][axis]), 0.5) << axis << off;
+        for (const int other : {(axis + 1) % 3, (axis + 2) % 3})
+          EXPECT_LT(std::abs(stars.points()[0][other]), 0.1) << axis << off;
+      }
+    }
+}
+
+// Far from where it was, a place may be put back onto another part of the surface.
+TEST(Smoothing, NoPlaceIsTriedFartherThanAQuarterOfTheLocalSize) {
+  TetMesh mesh = shaken_cube(4, 0.0, 1);
+  const int middle = (2 * 5 + 2) * 5 + 2;
+  mesh.points[middle] = add(mesh.points[middle], {0.1, 0.05, 0});
+  const Stars* watched = nullptr;
+  double farthest = 0.0;
+  const Projector watching = [&](const Vec& p, const std::vector<int>& labels) {
+    if (watched) farthest = std::max(farthest, norm(sub(p, watched->points()[middle])));
+    return onto_middle(p, labels);
+  };
+  Stars stars(mesh, watching);
+  watched = &stars;
+  ASSERT_TRUE(smooth(stars, middle));
+  EXPECT_GT(farthest, 0.0);
+  EXPECT_LT(farthest, 0.2501 * stars.size(middle));
 }
 
 TEST(Smoothing, APointOnASurfaceStaysOnIt) {
@@ -234,14 +431,15 @@ TEST(EdgeSwap, TheMeanRisesOrNothingChanges) {
   EXPECT_NEAR(volume_of(mesh, 1), 0.5, 1e-9);
 }
 
-// A ball of 128 tets around one point, whose star is shared until it is busy no more.
-TEST(Sharing, ABusyPointGetsANeighbourThatTakesPartOfItsTets) {
+// A ball of 128 tets around one point, which is the first of the mesh or the last; label 2 where
+// the middle of a tet lies above `middle`.
+TetMesh ball_around_a_point(bool first, double middle = 2.0) {
   TetMesh mesh{.points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
   std::vector<std::array<int, 3>> shell = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4},
                                            {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
   for (int round = 0; round < 2; ++round) {
     std::map<std::array<int, 2>, int> middles;
-    const auto middle = [&](int a, int b) {
+    const auto between = [&](int a, int b) {
       const auto [entry, fresh] = middles.try_emplace({std::min(a, b), std::max(a, b)},
                                                       static_cast<int>(mesh.points.size()));
       if (fresh) {
@@ -252,19 +450,28 @@ TEST(Sharing, ABusyPointGetsANeighbourThatTakesPartOfItsTets) {
     };
     std::vector<std::array<int, 3>> finer;
     for (const auto& t : shell) {
-      const int ab = middle(t[0], t[1]), bc = middle(t[1], t[2]), ca = middle(t[2], t[0]);
+      const int ab = between(t[0], t[1]), bc = between(t[1], t[2]), ca = between(t[2], t[0]);
       finer.insert(finer.end(), {{t[0], ab, ca}, {t[1], bc, ab}, {t[2], ca, bc}, {ab, bc, ca}});
     }
     shell = finer;
   }
-  const int centre = static_cast<int>(mesh.points.size());
-  mesh.points.push_back({0, 0, 0});
-  for (const auto& t : shell) mesh.tets.push_back({t[0], t[1], t[2], centre});
-  for (auto& tet : mesh.tets)
-    if (measure_tet(mesh.points[tet[0]], mesh.points[tet[1]], mesh.points[tet[2]],
-                    mesh.points[tet[3]])[volume] < 0.0)
+  const int centre = first ? 0 : static_cast<int>(mesh.points.size());
+  mesh.points.insert(mesh.points.begin() + centre, {0, 0, 0});
+  for (const auto& [a, b, c] : shell)
+    mesh.tets.push_back({a + first, b + first, c + first, centre});
+  for (auto& tet : mesh.tets) {
+    const auto& [a, b, c, d] = tet;
+    if (measure_tet(mesh.points[a], mesh.points[b], mesh.points[c], mesh.points[d])[volume] < 0.0)
       std::swap(tet[0], tet[1]);
-  mesh.labels.assign(mesh.tets.size(), 1);
+    const double z = mesh.points[a][2] + mesh.points[b][2] + mesh.points[c][2];
+    mesh.labels.push_back(0.25 * z > middle ? 2 : 1);
+  }
+  return mesh;
+}
+
+TEST(Sharing, ABusyPointGetsANeighbourThatTakesPartOfItsTets) {
+  TetMesh mesh = ball_around_a_point(false);
+  const int centre = static_cast<int>(mesh.points.size()) - 1;
   const double before = volume_of(mesh);
   const Projector none;
   Stars stars(mesh, none);
@@ -276,6 +483,35 @@ TEST(Sharing, ABusyPointGetsANeighbourThatTakesPartOfItsTets) {
   stars.extract(mesh);
   EXPECT_NEAR(volume_of(mesh), before, 1e-12);
   expect_sound(mesh);
+}
+
+TEST(Sharing, ABusyPointBetweenMaterialsGivesAwayTetsOfOneOfThem) {
+  for (const double middle : {0.0, 0.3}) {
+    TetMesh mesh = ball_around_a_point(false, middle);
+    const int centre = static_cast<int>(mesh.points.size()) - 1;
+    const double first = volume_of(mesh, 1), second = volume_of(mesh, 2);
+    ASSERT_GT(second, 0.0);
+    const Projector none;
+    Stars stars(mesh, none);
+    ASSERT_TRUE(share_star(stars, centre, 0.05));
+    stars.extract(mesh);
+    EXPECT_NEAR(volume_of(mesh, 1), first, 1e-12);
+    EXPECT_NEAR(volume_of(mesh, 2), second, 1e-12);
+    expect_sound(mesh);
+  }
+}
+
+TEST(Sharing, EveryBusyPointIsRelievedAlsoTheFirst) {
+  for (const bool first : {true, false}) {
+    TetMesh mesh = ball_around_a_point(first);
+    const auto result = improve(mesh, {}, {.valence = 64});
+    EXPECT_GT(result.shared, 0u) << first;
+    std::vector<int> count(mesh.points.size());
+    for (const auto& tet : mesh.tets)
+      for (const int corner : tet) ++count[corner];
+    EXPECT_LT(*std::max_element(count.begin(), count.end()), 110) << first;
+    expect_sound(mesh);
+  }
 }
 
 TEST(Collapse, ANeedleGoesAndTheMaterialsKeepTheirVolumes) {
@@ -381,6 +617,46 @@ TEST(Improve, ShakenCubesStaySoundKeepTheirShapeAndGetBetter) {
     EXPECT_GT(on_plane, 30u);
     EXPECT_FALSE(before.empty());
   }
+}
+
+// With goals of 0 nothing is worked on but the mean.
+TEST(Improve, EveryMoveIsCounted) {
+  TetMesh mesh = shaken_cube(4, 0.2, 1);
+  const TetMesh before = mesh;
+  const auto result = improve(mesh, onto_middle, {.goal = 0.0, .poor = 0.0, .rounds = 0});
+  const std::set<Vec> places(mesh.points.begin(), mesh.points.end());
+  const auto moved = std::ranges::count_if(
+      before.points, [&](const Vec& place) { return places.count(place) == 0; });
+  EXPECT_GT(moved, 10);
+  EXPECT_GE(result.moves, static_cast<std::size_t>(moved));
+}
+
+TEST(Improve, PointsAreAddedOnlyWhereMovingThoseAroundDoesNotHelp) {
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    TetMesh mesh = shaken_cube(6, 0.25, seed);
+    EXPECT_EQ(improve(mesh, {}, {.goal = 0.4, .poor = 0.4, .rounds = 0}).splits, 0u) << seed;
+    expect_sound(mesh);
+  }
+}
+
+// Points of the cover lie too far from their surface to move, but a short edge in it may go.
+TEST(Improve, WorkGoesOnAfterACollapse) {
+  constexpr int n = 4, short_ended = (n * (n + 1) + 2) * (n + 1) + 2;
+  const Projector cover = [](const Vec& p, const std::vector<int>& labels) {
+    return labels == std::vector<int>{0, 2}
+               ? std::optional(Contact{{p[0], p[1], 1.02}, {{0, 0, 1}}})
+               : std::nullopt;
+  };
+  for (unsigned seed = 1; seed <= 5; ++seed)
+    for (const int beside : {short_ended + 1, short_ended + n + 1}) {
+      TetMesh mesh = shaken_cube(n, 0.2, seed);
+      const Vec way = sub(mesh.points[beside], mesh.points[short_ended]);
+      mesh.points[short_ended] = sub(mesh.points[beside], scale(0.1, way));
+      const auto result = improve(mesh, cover, {.goal = 0.3, .poor = 0.3, .rounds = 0});
+      EXPECT_EQ(result.collapses, 1u) << seed << " " << beside;
+      EXPECT_EQ(result.worst_after, 0.3) << seed << " " << beside;
+      expect_sound(mesh);
+    }
 }
 
 TEST(Improve, TheSameMeshGivesTheSameBytes) {
