@@ -50,11 +50,13 @@ void shuffle(std::vector<Place>& places, std::mt19937& random) {
 class Chosen {
  public:
   bool add(const std::string& group, const Place& place) {
+    const Mutant mutant{static_cast<int>(mutants.size()) + 1, group, place};
     for (const Mutant& other : mutants) {
+      if (key_of(other) == key_of(mutant)) return false;
       const Place& at = other.place;
       if (at.file == place.file && at.begin < place.end && place.begin < at.end) return false;
     }
-    mutants.push_back({static_cast<int>(mutants.size()) + 1, group, place});
+    mutants.push_back(mutant);
     return true;
   }
   std::vector<Mutant> mutants;

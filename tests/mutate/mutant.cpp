@@ -11,7 +11,7 @@ namespace viscera::mutate {
 
 std::string key_of(const Mutant& mutant) {
   const Place& at = mutant.place;
-  return fmt::format("{}:{} {} | {} -> {}", at.file, at.line, at.kind, at.original, at.changed);
+  return fmt::format("{} {} | {} -> {}", at.file, at.kind, at.original, at.changed);
 }
 
 void write_list(const std::string& file, const std::vector<Mutant>& mutants) {

@@ -21,7 +21,8 @@ struct Mutant {
   Place place;
 };
 
-/// The name under which a result is kept: it changes with the place and with the change.
+/// The name under which a result is kept. It has no line, so that a result outlasts changes
+/// elsewhere in the file; choose() takes no two mutants of one name.
 std::string key_of(const Mutant& mutant);
 
 /// One mutant a line, columns parted by tabs: all that running and the table need.
