@@ -2,10 +2,11 @@
 
 #include <algorithm>
 
+#include "sim/tet_face.hpp"
+
 namespace viscera::sim {
 
 std::vector<TetFace> tet_faces(const Model& model) {
-  constexpr int corners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
   struct Side {
     Triangle key;
     TetFace face;
@@ -14,9 +15,9 @@ std::vector<TetFace> tet_faces(const Model& model) {
   sides.reserve(4 * model.tet_count());
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     const Tet& tet = model.tets[t];
-    for (const auto& [a, b, c] : corners) {
-      Side& side = sides.emplace_back(
-          Side{{tet[a], tet[b], tet[c]}, {{tet[a], tet[b], tet[c]}, static_cast<int>(t), -1}});
+    for (int k = 0; k < 4; ++k) {
+      const Triangle face = face_of_tet(tet, k);
+      Side& side = sides.emplace_back(Side{face, {face, static_cast<int>(t), -1}});
       std::ranges::sort(side.key);
     }
   }

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "pipeline/contract/error.hpp"
+#include "sim/tet_face.hpp"
 #include "stages/common/vec.hpp"
 
 namespace viscera {
@@ -54,7 +55,7 @@ void refuse_non_manifold(const TetMesh& mesh, const std::vector<Face>& faces,
   std::vector<std::array<int, 3>> triangles;
   for (const Face& face : faces) {
     if (face.count == 1)
-      triangles.push_back(outward_face(mesh.tets[face.tets[0]], face.opposite[0]));
+      triangles.push_back(sim::face_of_tet(mesh.tets[face.tets[0]], face.opposite[0]));
   }
   constexpr const char* allowed = "a boundary where triangles meet in pairs, in one fan a point";
   constexpr const char* remedy = "join the parts by a face, or part them, where the mesh is made";
@@ -97,8 +98,8 @@ void refuse_overlaps(const TetMesh& mesh, const std::vector<Face>& faces, const 
   for (const Face& face : faces) {
     if (face.count > 2) overfull.push_back(face.tets[0]);
     if (face.count != 2) continue;
-    const auto a = outward_face(mesh.tets[face.tets[0]], face.opposite[0]);
-    auto b = outward_face(mesh.tets[face.tets[1]], face.opposite[1]);
+    const auto a = sim::face_of_tet(mesh.tets[face.tets[0]], face.opposite[0]);
+    auto b = sim::face_of_tet(mesh.tets[face.tets[1]], face.opposite[1]);
     std::rotate(b.begin(), std::find(b.begin(), b.end(), a[0]), b.end());
     if (a == b) folded.push_back(face.tets[0]);
   }

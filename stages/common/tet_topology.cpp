@@ -5,11 +5,10 @@
 #include <set>
 #include <tuple>
 
+#include "sim/tet_face.hpp"
+
 namespace viscera {
 namespace {
-
-// Faces opposite each corner, counter-clockwise seen from outside a positive tet.
-constexpr int face_corners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
 
 class Sets {
  public:
@@ -67,9 +66,8 @@ std::set<std::size_t> smaller_fans(const TetMesh& mesh, const std::set<int>& poi
     Sets fans(tets.size());
     std::map<std::array<int, 3>, int> seen;
     for (std::size_t i = 0; i < tets.size(); ++i)
-      for (const auto& face : face_corners) {
-        const auto& tet = mesh.tets[tets[i]];
-        std::array<int, 3> key{tet[face[0]], tet[face[1]], tet[face[2]]};
+      for (int k = 0; k < 4; ++k) {
+        std::array<int, 3> key = sim::face_of_tet(mesh.tets[tets[i]], k);
         if (std::find(key.begin(), key.end(), point) == key.end()) continue;
         std::sort(key.begin(), key.end());
         const auto [entry, fresh] = seen.try_emplace(key, static_cast<int>(i));
@@ -185,9 +183,7 @@ std::vector<Face> find_faces(const TetMesh& mesh) {
   std::vector<Side> sides(4 * mesh.tets.size());
   std::vector<std::size_t> next(mesh.points.size() + 1);  // place of the next side, by corner
   const auto corners_of = [&mesh](std::size_t t, int f) {
-    const auto& tet = mesh.tets[t];
-    std::array<int, 3> corners{tet[face_corners[f][0]], tet[face_corners[f][1]],
-                               tet[face_corners[f][2]]};
+    std::array<int, 3> corners = sim::face_of_tet(mesh.tets[t], f);
     std::sort(corners.begin(), corners.end());
     return corners;
   };
@@ -221,16 +217,11 @@ std::vector<Face> find_faces(const TetMesh& mesh) {
   return faces;
 }
 
-std::array<int, 3> outward_face(const std::array<int, 4>& tet, int opposite) {
-  const auto& corner = face_corners[opposite];
-  return {tet[corner[0]], tet[corner[1]], tet[corner[2]]};
-}
-
 std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh) {
   std::vector<std::array<int, 3>> triangles;
   for_each_face(mesh, [&](const Face& face) {
     if (face.count != 1) return;
-    triangles.push_back(outward_face(mesh.tets[face.tets[0]], face.opposite[0]));
+    triangles.push_back(sim::face_of_tet(mesh.tets[face.tets[0]], face.opposite[0]));
   });
   return triangles;
 }

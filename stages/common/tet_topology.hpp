@@ -24,9 +24,6 @@ void for_each_face(const TetMesh& mesh, Visit visit) {
   for (const auto& face : find_faces(mesh)) visit(face);
 }
 
-// The face of a positive tet that lacks this corner (0 to 3), counter-clockwise seen from outside.
-std::array<int, 3> outward_face(const std::array<int, 4>& tet, int opposite);
-
 // The boundary triangles of the whole mesh, counter-clockwise seen from outside.
 std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh);
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "pipeline/contract/param.hpp"
+#include "sim/tet_face.hpp"
 
 namespace viscera {
 namespace {
@@ -26,13 +27,11 @@ std::map<int, double> label_sizes(const TetMesh& mesh) {
 // By label, outward: all faces to other labels and to the outside, of the largest to the outside
 // only.
 std::map<int, std::vector<Triangle>> label_surfaces(const TetMesh& mesh, int largest) {
-  constexpr int corners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
   std::map<Triangle, std::set<int>> sides;  // labels at a face; two tets of one label: {label, -1}
   const auto each_face = [&](auto&& visit) {
     for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
-      for (const auto& c : corners) {
-        const auto& tet = mesh.tets[t];
-        const Triangle face = {tet[c[0]], tet[c[1]], tet[c[2]]};
+      for (int k = 0; k < 4; ++k) {
+        const Triangle face = sim::face_of_tet(mesh.tets[t], k);
         Triangle key = face;
         std::ranges::sort(key);
         visit(face, key, mesh.labels[t]);

@@ -10,6 +10,7 @@
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
+#include "sim/tet_face.hpp"
 #include "stages/report/packed.hpp"
 
 namespace viscera {
@@ -51,13 +52,11 @@ struct Face {
 };
 
 std::vector<Face> sorted_faces(const TetMesh& mesh) {
-  constexpr int corners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
   std::vector<Face> faces;
   faces.reserve(4 * mesh.tets.size());
   for (std::size_t i = 0; i < mesh.tets.size(); ++i) {
-    for (const auto& c : corners) {
-      const auto& tet = mesh.tets[i];
-      const Triangle outward{tet[c[0]], tet[c[1]], tet[c[2]]};
+    for (int k = 0; k < 4; ++k) {
+      const Triangle outward = sim::face_of_tet(mesh.tets[i], k);
       Triangle key = outward;
       std::sort(key.begin(), key.end());
       faces.push_back({key, outward, mesh.labels[i]});

@@ -72,8 +72,8 @@ class RestJudge {
 
   // `now` is the state that follows those of `outcome`; `changed` says whether the schedule has
   // come to its end, `last` whether this is the run's last frame.
-  void judge(const Frame& frame, const sim::State& now, double unsettled, bool changed, bool last,
-             Outcome& outcome) {
+  void judge(const ComputedFrame& frame, const sim::State& now, double unsettled, bool changed,
+             bool last, Outcome& outcome) {
     RestCourse& course = outcome.rest;
     const bool begins = outcome.frames.empty();
     const double rounding = 1e-6 * scene_.time.frame_s, time_s = frame.time_s;
@@ -106,7 +106,7 @@ class RestJudge {
 
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                    const Schedule& schedule,
-                   const std::function<void(const Frame&, const sim::State&)>& keep,
+                   const std::function<void(const ComputedFrame&, const sim::State&)>& keep,
                    const std::function<void(const Outcome&)>& kept, Outcome start,
                    sim::Method method,
                    const std::function<std::string(const sim::State&)>& objects) {
@@ -158,10 +158,10 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     Aside& aside = outcome.aside;
     aside.transfer += stepped.transfer_s;
     sim::State& state = stepped.state;
-    Frame frame{.index = index,
-                .time_s = index * frame_s,
-                .contacts = stepped.contacts,
-                .step_ms = 1e3 * stepped.step_s};
+    ComputedFrame frame{.index = index,
+                        .time_s = index * frame_s,
+                        .contacts = stepped.contacts,
+                        .step_ms = 1e3 * stepped.step_s};
     frame.now = timed(aside.diagnosis, [&] { return solver.diagnose(model, scene, state); });
     outcome.divergence = why_diverged(state, frame.now, size);
     if (objects && !begins && outcome.divergence.empty()) outcome.divergence = objects(state);
@@ -184,7 +184,7 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
       most_elastic = frame.now.elastic;
       outcome.most_deformed = state;
     }
-    const auto has_fewer = [&frame](const Frame& earlier) {
+    const auto has_fewer = [&frame](const ComputedFrame& earlier) {
       return earlier.now.inverted < frame.now.inverted;
     };
     if (frame.now.inverted > 0 && std::ranges::all_of(outcome.frames, has_fewer)) {

@@ -15,7 +15,8 @@
 
 namespace viscera {
 
-struct Frame {
+// What a run tells of a frame.
+struct ComputedFrame {
   int index = 0;
   double time_s = 0.0;
   sim::Diagnostics now;
@@ -32,7 +33,7 @@ struct Aside {
 };
 
 struct Outcome {
-  std::vector<Frame> frames;  // the first is the start
+  std::vector<ComputedFrame> frames;  // the first is the start
   bool rested = false;
   double contact_time_s = -1.0;  // first contact; negative: none
   sim::EnergyWatch::Course watch;
@@ -55,7 +56,7 @@ struct Outcome {
 // from it: a divergence; empty: it may.
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                    const Schedule& schedule,
-                   const std::function<void(const Frame&, const sim::State&)>& keep,
+                   const std::function<void(const ComputedFrame&, const sim::State&)>& keep,
                    const std::function<void(const Outcome&)>& kept = {}, Outcome start = {},
                    sim::Method method = sim::Method::xpbd,
                    const std::function<std::string(const sim::State&)>& objects = {});

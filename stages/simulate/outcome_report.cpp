@@ -66,8 +66,8 @@ void report_shape(StageRun& run, const sim::Model& model, const Outcome& outcome
   const sim::State rest{std::vector<sim::Vec3<double>>(model.vertex_count()), {}};
   const sim::Smoothness before = smoothness(model, rest);
   const sim::Smoothness most = smoothness(model, outcome.most_deformed);
-  const auto frame = std::ranges::max_element(outcome.frames, {},
-                                              [](const Frame& one) { return one.now.elastic; });
+  const auto frame = std::ranges::max_element(
+      outcome.frames, {}, [](const ComputedFrame& one) { return one.now.elastic; });
   run.metric("smoothness_rest", before.mean);
   run.metric("smoothness_rest_deviation", before.deviation);
   run.metric("max_deformation_time", frame->time_s, "s");
@@ -76,7 +76,7 @@ void report_shape(StageRun& run, const sim::Model& model, const Outcome& outcome
   run.metric("inverted_max_deformation", frame->now.inverted);
 }
 
-bool is_inverted(const Frame& frame) {
+bool is_inverted(const ComputedFrame& frame) {
   return frame.now.inverted > 0;
 }
 
@@ -116,8 +116,8 @@ GateDetails details_of(const std::string& metric, const StageRun& run, const sim
   const auto& frames = outcome.frames;
   GateDetails details;
   if (metric.starts_with("inverted_")) {
-    const auto worst =
-        std::ranges::max_element(frames, {}, [](const Frame& frame) { return frame.now.inverted; });
+    const auto worst = std::ranges::max_element(
+        frames, {}, [](const ComputedFrame& frame) { return frame.now.inverted; });
     if (worst->now.inverted == 0) return details;
     details.where =
         fmt::format("in {} of {} frames, most at t {:.3f} s",
@@ -126,8 +126,8 @@ GateDetails details_of(const std::string& metric, const StageRun& run, const sim
         metric == "inverted_end" ? inverted_tets(model, outcome.last) : outcome.most_inverted;
     for (const auto& [j, tet] : tets) details.at.push_back(scanned_place(model, tet));
   } else if (metric == "min_J") {
-    const auto worst =
-        std::ranges::min_element(frames, {}, [](const Frame& frame) { return frame.now.min_j; });
+    const auto worst = std::ranges::min_element(
+        frames, {}, [](const ComputedFrame& frame) { return frame.now.min_j; });
     details.where = fmt::format("at t {:.3f} s", worst->time_s);
   } else if (metric == "rest_time") {
     details.where = ending(outcome);
@@ -168,7 +168,7 @@ void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& fil
   run.metric("rest_time", time(outcome.rest_time_s), "s");
   report_rest(run, outcome, schedule);
   report_cost(run, outcome);
-  const Frame& last = outcome.frames.back();
+  const ComputedFrame& last = outcome.frames.back();
   double min_j = last.now.min_j;
   double speed = 0.0;
   for (const auto& frame : outcome.frames) {

@@ -17,15 +17,15 @@ namespace {
 constexpr auto between_saves = std::chrono::seconds(10);
 constexpr const char* positions_name = "positions.f32";
 
-Json to_json(const Frame& f) {
+Json to_json(const ComputedFrame& f) {
   const auto& d = f.now;
   return {f.index,     f.time_s,           d.kinetic,  d.elastic,    d.gravity,
           d.volume,    d.volume_ratio,     d.min_j,    d.inverted,   d.max_speed,
           d.rms_speed, d.max_displacement, f.contacts, f.state_hash, f.step_ms};
 }
 
-Frame frame_from(const JsonValue& json) {
-  Frame f;
+ComputedFrame frame_from(const JsonValue& json) {
+  ComputedFrame f;
   auto& d = f.now;
   std::size_t i = 0;
   const auto read = [&]<class Value>(Value& value) {

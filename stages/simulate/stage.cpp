@@ -50,7 +50,7 @@ class MetricsFile {
     file_ << "frame,time_s,kinetic_J,elastic_J,gravity_J,total_J,volume_ml,volume_ratio,min_J,"
              "inverted,max_speed_m_s,rms_speed_m_s,contacts,state_hash\n";
   }
-  void add(const Frame& f) {
+  void add(const ComputedFrame& f) {
     const auto& d = f.now;
     file_ << fmt::format(
         "{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{},{:.6g},"
@@ -300,7 +300,7 @@ void simulate(StageRun& run) {
   if (options.method == sim::Method::tled) objects = std::ref(watch);
   Outcome outcome = run_frames(
       *solver, model, file.scene, schedule,
-      [&, &body = model](const Frame& frame, const sim::State& state) {
+      [&, &body = model](const ComputedFrame& frame, const sim::State& state) {
         const std::vector<float> positions = positions_mm(body, state);
         trajectory.append(frame.time_s, positions);
         metrics.add(frame);

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "pipeline/contract/error.hpp"
+#include "sim/tet_face.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/tet_topology.hpp"
 
@@ -45,7 +46,7 @@ std::vector<Patch> find_patches(const TetMesh& mesh) {
                                                 name_of(mesh, labels[1]));
     }
     const int tet = face.tets[side], opposite = face.opposite[side];
-    patch.facets.push_back({tet, opposite, outward_face(mesh.tets[tet], opposite)});
+    patch.facets.push_back({tet, opposite, sim::face_of_tet(mesh.tets[tet], opposite)});
   });
   std::vector<Patch> list;
   for (auto& [labels, patch] : patches) list.push_back(std::move(patch));

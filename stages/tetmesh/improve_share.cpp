@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 
+#include "sim/tet_face.hpp"
 #include "stages/tetmesh/improve_stars.hpp"
 
 namespace viscera {
@@ -31,9 +32,8 @@ struct Candidate {
 
 // The other three corners of a tet, in the sense that makes (point, corners) positive.
 std::array<int, 3> link_of(const Tet& tet, int point) {
-  static constexpr int others[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
   const auto at = std::find(tet.begin(), tet.end(), point) - tet.begin();
-  return {tet[others[at][0]], tet[others[at][1]], tet[others[at][2]]};
+  return sim::face_of_tet(tet, static_cast<int>(at));
 }
 
 // The rim of a disk of triangles, its edges as they run in them; empty when they are no disk.

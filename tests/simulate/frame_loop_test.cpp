@@ -55,9 +55,9 @@ struct Swing {
     file.schedule.push_back({0.1, file.materials, file.scene.effects});
     file.schedule[0].materials["liver"].youngs_modulus *= 4.0;
   }
-  using Keep = std::function<void(const Frame&, const sim::State&)>;
+  using Keep = std::function<void(const ComputedFrame&, const sim::State&)>;
   Outcome run(
-      sim::Solver& solver, const Keep& keep = [](const Frame&, const sim::State&) {}) {
+      sim::Solver& solver, const Keep& keep = [](const ComputedFrame&, const sim::State&) {}) {
     sim::Model own = model;
     sim::Scene scene = file.scene;
     return run_frames(solver, own, scene, Schedule(file), keep);
@@ -88,7 +88,7 @@ TEST(FramesOfADevice, AFrameIsSteppedWhileTheLastIsWritten) {
   swing.file.schedule.clear();
   Elsewhere device(swing.model, swing.file.scene);
   const int last = 20;
-  swing.run(device, [&](const Frame& frame, const sim::State&) {
+  swing.run(device, [&](const ComputedFrame& frame, const sim::State&) {
     const auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(30);
     const int awaited = std::min(frame.index + 1, last);
     while (device.begun() < awaited && std::chrono::steady_clock::now() < patience)

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "pipeline/contract/json_value.hpp"
+#include "sim/tet_face.hpp"
 
 namespace viscera {
 namespace {
@@ -19,11 +20,10 @@ using Triangles = std::vector<std::array<int, 3>>;
 
 // Faces of one tet only, outward.
 Triangles outer_faces(const TetMesh& mesh) {
-  constexpr int corners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
   std::map<std::array<int, 3>, std::array<int, 3>> open;
   for (const auto& tet : mesh.tets) {
-    for (const auto& c : corners) {
-      const std::array<int, 3> face = {tet[c[0]], tet[c[1]], tet[c[2]]};
+    for (int k = 0; k < 4; ++k) {
+      const std::array<int, 3> face = sim::face_of_tet(tet, k);
       std::array<int, 3> key = face;
       std::ranges::sort(key);
       if (!open.emplace(key, face).second) open.erase(key);
