@@ -252,8 +252,9 @@ class BlockLayout {
       for (std::size_t e = 0; e < effect.rest.size(); ++e) {
         T mobility[Effect::arity];
         mobilities(program, effect.vertices[e], mobility);
-        const double volume = Effect::volume(effect.rest[e]);
-        softening += volume * (1.0 / Effect::relaxation(effect.rest[e], mobility) - 1.0);
+        const double volume = Eliminated<Effect>::volume(effect.rest[e]);
+        softening +=
+            volume * (1.0 / Eliminated<Effect>::relaxation(effect.rest[e], mobility) - 1.0);
         whole += volume;
       }
     }
@@ -275,11 +276,11 @@ class BlockLayout {
         for (const int v : effect.vertices[element]) most = std::max(most, copies_of(v).size());
         Effect::lighten(rest, static_cast<T>(most));
       }
-      if constexpr (requires { &Effect::template stiffen<T>; }) {
+      if constexpr (is_eliminated<Effect>) {
         if (!linearizes) {
           T mobility[Effect::arity];
           mobilities(program, effect.vertices[element], mobility);
-          Effect::stiffen(rest, mobility);
+          Eliminated<Effect>::stiffen(rest, mobility);
         }
       }
       if constexpr (is_renumberable<typename Effect::template Rest<T>>) {

@@ -28,8 +28,6 @@
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
 //   template <class T> static void lighten(Rest<T>&, T copies)   optional: the element works on
 //       copies of its vertices that have their mass divided by `copies` at most
-//   template <class T> static void stiffen(Rest<T>&, const T (&mobility)[arity])   optional: gives
-//       back what one sweep of block Gauss-Seidel takes from its stiffness
 //   Of a rate force: template <class T> static void solve_for(model, index, Rest<T>&)
 //       and template <bool resisted, class T> SIM_HD static void evaluate_in_full(rest, u, d, out):
 //       without what keeps it stable as an explicit one (solvers/viscous_step.hpp), and
@@ -49,12 +47,6 @@
 //   static constexpr int memory;                 numbers that it keeps of each element, 0 at first
 //   template <class T> SIM_HD static void remember(rest, u, T memory[])   once at every substep
 //   and evaluate(rest, const T memory[], u, d, out).
-//   static constexpr bool eliminated = true      optional: with the impulses of XPBD from zero
-//       multipliers (arithmetic.hpp), solved for by hand, as
-//   template <class T> SIM_HD static void xpbd_impulses(rest, const T (&mobility)[arity], u, d, p)
-//       and linearised (solvers/linearized.hpp), as
-//   template <class T> struct Linearized { void impulses(e, p) const; };
-//   template <class T> SIM_HD static void linearize(rest, mobility, u, d, Linearized<T>& out)
 //   An elastic effect also has
 //   static double explicit_modulus(material, params)   M, Pa: at rest no mode of a tet is stiffer
 //       than M V sum |grad N_i|^2, for the limit of explicit dynamics (stability.hpp)

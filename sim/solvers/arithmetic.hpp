@@ -15,6 +15,7 @@
 #include <algorithm>
 
 #include "sim/effects/effect.hpp"
+#include "sim/solvers/neo_hookean_eliminated.hpp"
 #include "sim/solvers/options.hpp"
 
 namespace viscera::sim {
@@ -221,13 +222,6 @@ SIM_HD void impulses_of(const Evaluation<T, rows, arity>& c, const T (&mobility)
   }
 }
 
-// Whether an effect has eliminated its multipliers by hand: the same impulses as xpbd_from_zero.
-template <class Effect>
-inline constexpr bool is_eliminated = [] {
-  if constexpr (requires { Effect::eliminated; }) return Effect::eliminated;
-  return false;
-}();
-
 // The impulses of one element. `kept` is what it keeps under this arithmetic, `memory` what an
 // effect with a history does.
 template <class Effect, Arithmetic arithmetic, class T, int arity = Effect::arity>
@@ -238,7 +232,7 @@ SIM_HD void element_impulses(const typename Effect::template Rest<T>& rest,
   if constexpr (arithmetic == Arithmetic::xpbd_only && is_eliminated<Effect>) {
     T scaled[arity];
     for (int i = 0; i < arity; ++i) scaled[i] = constants.split * mobility[i];
-    Effect::xpbd_impulses(rest, scaled, u, d, p);
+    Eliminated<Effect>::xpbd_impulses(rest, scaled, u, d, p);
   } else if constexpr (is_solved_for<arithmetic>) {
     Evaluation<T, Effect::rows, arity> c;
     Effect::template evaluate_in_full<arithmetic == Arithmetic::resisted>(rest, u, d, c);

@@ -12,9 +12,9 @@
 //
 //   p = g (offset - response g . d),   response = 1/(1/k + A),   offset = response (g . d0 - C)
 //
-// An effect whose multipliers were eliminated by hand (effect.hpp) linearises itself. It may have
-// to relax elements that are too stiff for their vertices: `relaxation` says how much of their
-// stiffness is left at rest. Where that would soften the body by more than `most_softening`,
+// An effect whose multipliers are eliminated by hand (eliminated.hpp) has its own linearisation. It
+// may have to relax elements that are too stiff for their vertices: `relaxation` says how much of
+// their stiffness is left at rest. Where that would soften the body by more than `most_softening`,
 // elements are evaluated anew instead, in a longer time (block_layout.hpp).
 #pragma once
 
@@ -56,7 +56,7 @@ struct LinearizedOf {
 };
 template <class Effect, class T>
 struct LinearizedOf<Effect, T, true> {
-  using type = typename Effect::template Linearized<T>;
+  using type = typename Eliminated<Effect>::template Linearized<T>;
 };
 template <class Effect, class T>
 using Linearized = typename LinearizedOf<Effect, T>::type;
@@ -72,7 +72,7 @@ SIM_HD void linearize(const typename Effect::template Rest<T>& rest, const T (&m
                       const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity], T* memory,
                       Linearized<Effect, T>& out) {
   if constexpr (is_eliminated<Effect>) {
-    Effect::linearize(rest, mobility, u, d, out);
+    Eliminated<Effect>::linearize(rest, mobility, u, d, out);
   } else {
     constexpr int edges = edge_count<arity>;
     Evaluation<T, 1, arity> c;

@@ -356,7 +356,8 @@ TEST(Blocks, WhereRelaxingWouldSoftenTheBodyElementsAreEvaluatedAnew) {
   EXPECT_FALSE(same(model)) << "evaluated anew it would not bear this step";
 }
 
-// With the stiffness against a change of volume that NeoHookean::stiffen gives each tet.
+// With the stiffness against a change of volume that Eliminated<NeoHookean>::stiffen gives each
+// tet.
 void stiffen(Model& model, double dt) {
   const auto tets = NeoHookean::elements(model, {});
   std::vector<Material> own;
@@ -364,7 +365,7 @@ void stiffen(Model& model, double dt) {
     auto rest = NeoHookean::rest<double>(model, tets, tet, {}, dt);
     double mobility[4];
     for (int i = 0; i < 4; ++i) mobility[i] = dt * dt / model.mass[model.tets[tet][i]];
-    NeoHookean::stiffen(rest, mobility);
+    Eliminated<NeoHookean>::stiffen(rest, mobility);
     // neo_hookean_lambda() / mu = 1 + 2 nu / (1 - 2 nu) = 1 / (1 - 2 nu)
     Material& material = own.emplace_back(model.material(tet));
     const double mu = lame(material).mu;

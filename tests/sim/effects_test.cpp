@@ -259,7 +259,7 @@ void expect_eliminated_as_solved() {
       }
       Vec3<double> solved[arity], eliminated[arity];
       xpbd_from_zero(sample.evaluate(), mobility, weight, solved);
-      Effect::xpbd_impulses(sample.rest, mobility, sample.u, sample.d, eliminated);
+      Eliminated<Effect>::xpbd_impulses(sample.rest, mobility, sample.u, sample.d, eliminated);
       double size = 0.0;
       for (const auto& p : solved) size = std::max(size, norm(p));
       for (int i = 0; i < arity; ++i) {
@@ -304,8 +304,8 @@ TEST(NeoHookean, SinglePrecisionHoldsTinyAndHugeElements) {
       d[i] = cast<float>(d64[i]);
       mobility[i] = static_cast<float>(mobility64[i]);
     }
-    NeoHookean::xpbd_impulses(rest, mobility, u, d, p);
-    NeoHookean::xpbd_impulses(exact, mobility64, u64, d64, p64);
+    Eliminated<NeoHookean>::xpbd_impulses(rest, mobility, u, d, p);
+    Eliminated<NeoHookean>::xpbd_impulses(exact, mobility64, u64, d64, p64);
     double largest = 0.0;
     for (const auto& impulse : p64) largest = std::max(largest, norm(impulse));
     for (int i = 0; i < 4; ++i) {
@@ -322,7 +322,7 @@ TEST(NeoHookean, AnElementFlatToAPointIsLeftAlone) {
     sample.d[i] = {};
   }
   Vec3<double> p[4];
-  NeoHookean::xpbd_impulses(sample.rest, mobility, sample.u, sample.d, p);
+  Eliminated<NeoHookean>::xpbd_impulses(sample.rest, mobility, sample.u, sample.d, p);
   for (const auto& impulse : p) EXPECT_EQ(norm(impulse), 0.0);
 }
 

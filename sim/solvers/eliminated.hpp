@@ -1,0 +1,27 @@
+// Effects whose constraints XPBD solves in closed form. A law is its energy and what follows from
+// it; what a scheme makes of it stands here, in specialisations of Eliminated<Effect>:
+//   template <class T> SIM_HD static void xpbd_impulses(rest, const T (&mobility)[arity], u, d, p)
+//       the impulses of XPBD from zero multipliers (arithmetic.hpp)
+//   template <class T> struct Linearized { void impulses(e, p) const; };
+//   template <class T> SIM_HD static void linearize(rest, mobility, u, d, Linearized<T>& out)
+//       the same linearised where a sweep finds it (linearized.hpp)
+//   template <class T> static T relaxation(rest, mobility)   share of its stiffness that a
+//   linearised
+//       element keeps at rest
+//   template <class T> static double volume(rest)            m3
+//   template <class T> static void stiffen(Rest<T>&, const T (&mobility)[arity])   gives back what
+//       one sweep of block Gauss-Seidel takes from its stiffness
+#pragma once
+
+namespace viscera::sim {
+
+template <class Effect>
+struct Eliminated {};
+
+// Whether an effect's multipliers are eliminated: the same impulses as those of a solve by rows.
+template <class Effect>
+inline constexpr bool is_eliminated = requires {
+  &Eliminated<Effect>::template xpbd_impulses<double>;
+};
+
+}  // namespace viscera::sim
