@@ -63,6 +63,13 @@ int run(const std::string& out, std::span<char*> words) {
   return 0;
 }
 
+std::string first_line(const std::string& file) {
+  std::string line;
+  std::ifstream in(file);
+  std::getline(in, line);
+  return line;
+}
+
 }  // namespace
 
 int main(int count, char** words) {
@@ -74,7 +81,8 @@ int main(int count, char** words) {
     if (step == "table" && count == 5) {
       const std::string out = words[2];
       viscera::mutate::write_table(words[3], read_list(out + "/mutants.tsv"), read_results(out),
-                                   words[4], dropped_of(out).size());
+                                   words[4], dropped_of(out).size(),
+                                   first_line(out + "/commit.txt"));
       return 0;
     }
     fmt::print(stderr, "usage: mutate write|drop|run|table …; see tests/mutate/main.cpp\n");

@@ -9,12 +9,22 @@
 namespace viscera::mutate {
 namespace {
 
-// In one line, spaces single.
+// In one line, spaces single but for those within quotes.
 std::string in_one_line(std::string_view text) {
   std::string line;
+  char quote = 0;
+  bool escaped = false;
   for (const char c : text) {
+    if (quote) {
+      line += c;
+      if (c == quote && !escaped) quote = 0;
+      escaped = c == '\\' && !escaped;
+      continue;
+    }
     const bool space = std::isspace(static_cast<unsigned char>(c));
     if (space && (line.empty() || line.back() == ' ')) continue;
+    const bool separates_digits = !line.empty() && std::isalnum(line.back());
+    if (c == '"' || (c == '\'' && !separates_digits)) quote = c;
     line += space ? ' ' : c;
   }
   if (!line.empty() && line.back() == ' ') line.pop_back();

@@ -60,7 +60,7 @@ std::string sums(const std::string& head, const std::map<std::string, Sum>& by) 
 
 void write_table(const std::string& file, const std::vector<Mutant>& mutants,
                  const std::map<std::string, Result>& results, const std::string& explained,
-                 std::size_t dropped) {
+                 std::size_t dropped, const std::string& sources) {
   std::map<std::string, std::string> why;
   for (const auto& row : read_columns(explained)) {
     if (row.size() == 2) why[row[0]] = row[1];
@@ -97,10 +97,12 @@ void write_table(const std::string& file, const std::vector<Mutant>& mutants,
   }
   std::ofstream(file) << fmt::format(
       "# Mutants\n\n"
-      "Written by `make mutate` (tests/mutate); do not edit. Each row is one change made on "
-      "purpose to the code, and the\n"
-      "first test that failed with it. *Hung*: the suite did not end in ten times what it takes on "
-      "the unchanged code,\n"
+      "Written by `make mutate` (tests/mutate) of the sources at the commit \"{}\"; do not edit. "
+      "Each "
+      "row is one change made on purpose\n"
+      "to the code, and the first test that failed with it. *Hung*: the suite did not end in "
+      "several "
+      "times what it takes on the unchanged code,\n"
       "which counts as noticed. *Explained*: no test can notice it, for the reason given "
       "(tests/mutate/explained.tsv).\n"
       "*Never reached*: no test ran that line. Left out: code for GPUs alone, for want of a "
@@ -109,7 +111,7 @@ void write_table(const std::string& file, const std::vector<Mutant>& mutants,
       "drawn with fixed seeds;\n"
       "{} more were drawn and do not compile.\n\n{}{}| # | place | kind | original | changed | "
       "noticed by |\n|---|---|---|---|---|---|\n{}",
-      dropped, sums("folder", by_group), sums("kind", by_kind), rows);
+      sources, dropped, sums("folder", by_group), sums("kind", by_kind), rows);
 }
 
 }  // namespace viscera::mutate
