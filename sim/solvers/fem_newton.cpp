@@ -109,7 +109,8 @@ std::string FemNewton::balance(const FemFields& fields, NodeField& d, NodeField&
   bool moving = std::ranges::any_of(moves, [](const auto& m) { return dot(m, m) > 0.0; });
   tangent_ = Tangent::exact;
   const auto failed = [&](const char* what, int iteration) -> std::string {
-    if (!moving && unbalanced(now_) <= bound(fields)) return "";
+    const bool finite = std::isfinite(now_.scale);  // else what is allowed has no bound either
+    if (!moving && finite && unbalanced(now_) <= bound(fields)) return "";
     return describe(what, {.count = iteration,
                            .unit = "Newton iterations",
                            .found = unbalanced(now_),

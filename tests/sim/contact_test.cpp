@@ -325,5 +325,12 @@ TYPED_TEST(Obstacle, ABodyThatStartsInsideIsRefused) {
   }
 }
 
+TEST(Contact, ACorrectionAlongAnyAxisIsATouch) {
+  EXPECT_FALSE(touches(Vec3<double>{}));
+  EXPECT_TRUE(touches(Vec3<double>{-1e-9, 0, 0}));
+  EXPECT_TRUE(touches(Vec3<double>{0, 1e-9, 0}));
+  EXPECT_TRUE(touches(Vec3<double>{0, 0, -1e-9}));
+}
+
 }  // namespace
 }  // namespace viscera::sim

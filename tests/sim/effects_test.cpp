@@ -2,10 +2,13 @@
 // under rigid motion; and the Neo-Hookean stress against closed forms.
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cstring>
+#include <limits>
 #include <numeric>
 
 #include "sim/backend/cpu_elements.hpp"
+#include "sim/solvers/linearized.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -282,6 +285,87 @@ TEST(Effects, EliminatedMultipliersAreThoseOfTheSolver) {
   EXPECT_GT(effects, 0);
 }
 
+// The solvers hand over an evaluation whose numbers are not set.
+TEST(Effects, AnEvaluationLeavesNoNumberUnset) {
+  Effects::for_each([]<class Effect, std::size_t>() {
+    if constexpr (Effect::kind == EffectKind::element) {
+      const Sample<Effect> sample(3);
+      using Found = Evaluation<double, Effect::rows, Effect::arity>;
+      std::array<double, sizeof(Found) / sizeof(double)> numbers;
+      numbers.fill(std::numeric_limits<double>::quiet_NaN());
+      auto out = std::bit_cast<Found>(numbers);
+      if constexpr (memory_of < Effect >> 0) {
+        Effect::evaluate(sample.rest, sample.memory, sample.u, sample.d, out);
+      } else {
+        Effect::evaluate(sample.rest, sample.u, sample.d, out);
+      }
+      numbers = std::bit_cast<decltype(numbers)>(out);
+      for (const double number : numbers) EXPECT_TRUE(std::isfinite(number)) << Effect::name;
+    }
+  });
+}
+
+// Pressure follows the surface within a substep, and not only from one to the next.
+TEST(Effects, LoadsDependOnWhereVerticesAreAndNotOnWhenTheyCameThere) {
+  Effects::for_each([]<class Effect, std::size_t>() {
+    if constexpr (is_load<Effect>) {
+      Sample<Effect> late(4), early(4);
+      for (int i = 0; i < Effect::arity; ++i) {
+        late.d[i] = 0.5 * late.u[i];
+        late.u[i] = early.u[i] - late.d[i];
+        early.d[i] = {};
+      }
+      const auto now = late.evaluate(), before = early.evaluate();
+      for (int i = 0; i < Effect::arity; ++i) {
+        EXPECT_LE(norm(now.preload[i] - before.preload[i]), 1e-12 * norm(before.preload[i]))
+            << Effect::name;
+      }
+    }
+  });
+}
+
+// Where an element is linearised nothing is left out, unless it had to be relaxed.
+template <class Effect>
+void expect_linearised_as_solved() {
+  constexpr int arity = Effect::arity, edges = edge_count<arity>;
+  int strained = 0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    Sample<Effect> sample(seed);
+    double mobility[arity], weight[Effect::rows];
+    std::mt19937 generator(seed);
+    for (auto& w : mobility) w = random_in(generator, 1e-6, 1e-4);
+    if constexpr (is_eliminated<Effect>) {
+      ASSERT_EQ(Eliminated<Effect>::relaxation(sample.rest, mobility), 1.0);
+    }
+    Vec3<double> solved[arity], e[edges], p[edges];
+    xpbd_from_zero(sample.evaluate(), mobility, weight, solved);
+    Linearized<Effect, double> linear;
+    linearize<Effect>(sample.rest, mobility, sample.u, sample.d, sample.memory, linear);
+    differences(sample.d, e);
+    linear.impulses(e, p);
+    double size = 0.0;
+    for (const auto& impulse : solved) size = std::max(size, norm(impulse));
+    strained += size > 0.0;
+    for (int i = 0; i < edges; ++i) {
+      EXPECT_LE(norm(p[i] - solved[i + arity - edges]), 1e-11 * size) << Effect::name;
+    }
+  }
+  EXPECT_GT(strained, 5) << Effect::name;
+}
+
+TEST(Effects, LinearisedElementsGiveTheSolversImpulsesWhereTheyWereLinearised) {
+  int effects = 0;
+  Effects::for_each([&effects]<class Effect, std::size_t>() {
+    if constexpr (is_constraint<Effect>) {
+      if constexpr (is_linearizable<Effect>) {
+        ++effects;
+        expect_linearised_as_solved<Effect>();
+      }
+    }
+  });
+  EXPECT_GT(effects, 1);
+}
+
 // Dimensionless inside: single precision holds bodies from a micrometre to a kilometre.
 TEST(NeoHookean, SinglePrecisionHoldsTinyAndHugeElements) {
   for (const double size : {1e-6, 1.0, 1e3}) {
@@ -412,6 +496,60 @@ TEST(Viscosity, AShearRateMeetsTheStressOfANewtonianFluid) {
   for (int i = 0; i < 4; ++i) work += dot(out.preload[i], d[i]);
   const double eta = lame(soft_tissue).mu * soft_tissue.damping;
   EXPECT_NEAR(work, -eta * rate * rate * model.volume[0] * dt, 1e-9 * std::abs(work));
+}
+
+TEST(Viscosity, ItsBoundIsThatOfTheWayInWhichATetGivesWayMost) {
+  // s x.x >= x.(sum b_i b_i^T / m_i) x of every x, and some x has both alike.
+  const Model model = make_box({0.05, 0.02, 0.03}, {2, 1, 1}, soft_tissue);
+  constexpr double dt = 1e-3;
+  std::mt19937 generator(13);
+  for (std::size_t tet = 0; tet < model.tet_count(); ++tet) {
+    const double unit = 2.0 * lame(soft_tissue).mu * soft_tissue.damping * dt * model.volume[tet];
+    const double s = Viscosity::explicit_number(model, tet, dt) / unit;
+    double most = 0.0;
+    for (int trial = 0; trial < 4000; ++trial) {
+      const Vec3<double> x = random_vector(generator, 1.0);
+      double sum = 0.0;
+      for (int i = 0; i < 4; ++i) {
+        Vec3<double> only[4] = {};
+        only[i] = {1.0, 0.0, 0.0};  // then row x of their gradient is b_i
+        const Mat3<double> h = displacement_gradient(only, model.rest_inverse[tet]);
+        const double along = dot(Vec3<double>{h.col[0].x, h.col[1].x, h.col[2].x}, x);
+        sum += along * along / model.mass[model.tets[tet][i]];
+      }
+      most = std::max(most, sum / dot(x, x));
+    }
+    EXPECT_LE(most, s * (1.0 + 1e-12)) << tet;
+    EXPECT_GE(most, 0.99 * s) << tet;
+  }
+}
+
+// A strength that single precision cannot hold is kept together with its bound.
+TEST(Viscosity, SinglePrecisionHoldsAStrengthBeyondItsRange) {
+  Material rigid = soft_tissue;
+  rigid.youngs_modulus = 1e38;
+  const Model model = make_cube(1, rigid);
+  constexpr double dt = 1e-9;
+  const auto rest = Viscosity::rest<float>(model, model.tets, 0, {}, dt);
+  const auto exact = Viscosity::rest<double>(model, model.tets, 0, {}, dt);
+  ASSERT_GT(2.0 * lame(rigid).mu * rigid.damping * model.volume[0] / dt, 3.5e38);
+  Vec3<float> u[4] = {}, d[4];
+  Vec3<double> u64[4] = {}, d64[4];
+  std::mt19937 generator(14);
+  for (int i = 0; i < 4; ++i) {
+    d[i] = cast<float>(random_vector(generator, 1e-6));
+    d64[i] = cast<double>(d[i]);
+  }
+  Evaluation<float, 0, 4> out;
+  Evaluation<double, 0, 4> exact_out;
+  Viscosity::evaluate(rest, u, d, out);
+  Viscosity::evaluate(exact, u64, d64, exact_out);
+  double size = 0.0;
+  for (const auto& force : exact_out.preload) size = std::max(size, norm(force));
+  ASSERT_GT(size, 0.0);
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_LE(norm(cast<double>(out.preload[i]) - exact_out.preload[i]), 1e-5 * size) << i;
+  }
 }
 
 }  // namespace

@@ -24,6 +24,14 @@ TEST(FemStepLength, StepsEndWhereTheGridDoesAndBeginAtMultiplesOfTheirLength) {
   EXPECT_EQ(length.from(0), 1);
 }
 
+TEST(FemStepLength, GrowsToTwiceItsLengthAtMostAndToNoMoreThanAStepOfTheGrid) {
+  StepLength length(8);
+  length.made(8, 0.0);
+  EXPECT_EQ(length.longest(), 16);
+  length.made(64, 0.0);
+  EXPECT_EQ(length.longest(), 64);
+}
+
 // With constant third derivative both formulas are exact, and so is the estimate.
 TEST(FemStepLength, TheErrorOfAStepIsEstimatedExactlyWhereTheThirdDerivativeIsConstant) {
   const double last = 0.7, h = 0.4;

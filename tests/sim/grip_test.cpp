@@ -52,6 +52,20 @@ Vec3<double> mean_displacement(const State& state) {
   return (1.0 / static_cast<double>(state.u.size())) * sum;
 }
 
+TEST(Grip, PullsAFreeVertexAtTheFrequencyThatItIsGiven) {
+  const Model model = make_cube(1);
+  Grip::Params params = sample_params<Grip>();
+  params.rotation = {};
+  params.frequency = 3.0;
+  constexpr double dt = 1e-9;  // that the substep takes nothing
+  const auto device = Grip::device<double>(model, params, dt);
+  const Vec3<double> at_the_point = params.point - model.origin, v{0.01, 0.0, -0.02};
+  const double omega = 2.0 * M_PI * 3.0;
+  const Vec3<double> expected = omega * omega * params.offset - 2.0 * omega * v;
+  EXPECT_LE(norm(Grip::acceleration(device, at_the_point, {}, v) - expected),
+            1e-6 * norm(expected));
+}
+
 // Without gravity nothing holds the body back: it ends where the hand is, and turned as the hand
 // is.
 TEST(Grip, AFreeBodyFollowsTheHandUnderEverySolver) {

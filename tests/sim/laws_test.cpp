@@ -401,6 +401,7 @@ std::string refused_field(const Model& model, const typename Effect::Params& par
 
 TEST(Laws, BadParametersAreRefusedWithTheFieldNamed) {
   const Model model = make_cube(1);
+  EXPECT_EQ(refused_field<Gravity>(model, {9.80665, {}}), "effects.gravity.direction");
   EXPECT_EQ(refused_field<Fibre>(model, {}), "effects.fibre.stiffness");
   EXPECT_EQ(refused_field<Fibre>(model, {1e3, {}, ""}), "effects.fibre.direction");
   EXPECT_EQ(refused_field<Fibre>(model, {1e3, {1, 0, 0}, "spleen"}), "effects.fibre.label");

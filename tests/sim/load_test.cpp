@@ -100,5 +100,28 @@ TEST(Diagnostics, TellTheEnergyThatTheConstraintsHold) {
                                             "distance", "volume", "fibre"}));
 }
 
+// A body of two labels, one of which an effect is for.
+TEST(Diagnostics, AnEffectOfOneLabelStoresNoEnergyInTheTetsOfAnother) {
+  Model model = make_cube(2);
+  model.materials.push_back(model.materials.front());
+  model.label_names = {"liver", "tumour"};
+  for (std::size_t t = 0; t < model.tet_count(); ++t) model.material_of[t] = t % 3 == 0;
+  const Mat3<double> h{{{0.1, 0.02, 0.0}, {0.0, 0.1, 0.03}, {0.01, 0.0, 0.1}}};
+  std::vector<std::string> told;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (requires(typename Effect::Params p) { &Effect::energy, p.label; }) {
+      auto all = sample_params<Effect>(), one = all;
+      one.label = "tumour";
+      for (std::size_t t = 0; t < model.tet_count(); ++t) {
+        const double whole = Effect::energy(model, t, all, h);
+        EXPECT_GT(whole, 0.0) << Effect::name;
+        EXPECT_EQ(Effect::energy(model, t, one, h), t % 3 == 0 ? whole : 0.0) << Effect::name;
+      }
+      told.emplace_back(Effect::name);
+    }
+  });
+  EXPECT_EQ(told, (std::vector<std::string>{"distance", "fibre"}));
+}
+
 }  // namespace
 }  // namespace viscera::sim

@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "sim/refusal.hpp"
+#include "sim/solvers/ensemble.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -142,6 +143,33 @@ TEST_P(Retune, WhatIsNotAValueIsRefusedAndTheRunGoesOn) {
 
 INSTANTIATE_TEST_SUITE_P(Each, Retune, testing::ValuesIn(cases()),
                          [](const auto& each) { return each.param.name; });
+
+// Says what it is asked to.
+class Stub final : public Solver {
+ public:
+  explicit Stub(int phases) : phases_(phases) {}
+  void advance_frame() override {}
+  State state() const override { return {}; }
+  void set_state(const State&) override {}
+  void retune(const Model&, const Scene&) override {}
+  void steer(const Scene&) override {}
+  std::size_t contact_count() const override { return 0; }
+  std::string device() const override { return "stub"; }
+  SubstepWork substep_work() const override { return {.phases = phases_}; }
+
+ private:
+  int phases_;
+};
+
+TEST(Ensemble, TellsTheWorkOfItsFirstMemberHoweverManyThereAre) {
+  const Model model = make_cube(1);
+  int made = 0;
+  const Separately members(model, {}, 2, nullptr, [&](const Model&, const Scene&) {
+    return std::make_unique<Stub>(++made);
+  });
+  EXPECT_EQ(members.size(), 2);
+  EXPECT_EQ(members.substep_work().phases, 1);
+}
 
 }  // namespace
 }  // namespace viscera::sim

@@ -268,5 +268,14 @@ TEST(SelfContact, SolversThatCannotDoItSaySo) {
   EXPECT_EQ(what_cuda_lacks(folding_scene(true), {}), "");
 }
 
+TEST(SelfContact, ATriangleWithoutAreaHasAHeightAndNothingOverIt) {
+  const Vec3<double> a{0.0, 0.0, 0.0}, b{0.01, 0.0, 0.0};
+  for (const Vec3<double>& c : {a, b, 2.0 * b}) {
+    const Over over = over_triangle({0.005, 0.001, 0.002}, a, b, c);
+    EXPECT_EQ(over.height, 0.0);
+    for (const double share : over.b) EXPECT_LT(share, 0.0);
+  }
+}
+
 }  // namespace
 }  // namespace viscera::sim

@@ -251,6 +251,18 @@ TEST(ShapeMatching, TheNumberOfThreadsAndARestartDoNotChangeABit) {
   }
 }
 
+TEST(ShapeMatching, EveryTetIsInTheBlockOfItsPlaceWhicheverTetComesFirst) {
+  Model model = make_cube(4);
+  std::ranges::reverse(model.tets);
+  const Blocks blocks(model, 60);
+  const auto regions = ShapeMatching::regions(model, {.regions = "blocks", .tets = 60.0});
+  ASSERT_EQ(regions.size(), model.tet_count());
+  EXPECT_NE(regions.front(), regions.back());
+  for (std::size_t t = 0; t < regions.size(); ++t) {
+    EXPECT_EQ(regions[t], blocks.block_of(model.tets[t])) << t;
+  }
+}
+
 TEST(ShapeMatching, SolversThatCannotDoItSaySo) {
   try {
     make_on_cpu(make_cube(1), matching_scene(), {.method = Method::fem});

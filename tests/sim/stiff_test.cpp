@@ -1,4 +1,5 @@
 // Stiff tissue: its damping is solved for, and its elements hold their forces.
+#include "sim/solvers/damping_choice.hpp"
 #include "sim/solvers/held_forces.hpp"
 #include "sim/solvers/time_rule.hpp"
 #include "tests/sim/loaded_bodies.hpp"
@@ -65,6 +66,15 @@ TEST(ViscousStep, KeepsMomentumAndLosesEnergy) {
   const auto [linear_now, angular_now] = momenta(solver->state());
   EXPECT_LE(norm(linear_now - linear), 1e-12 * norm(linear));
   EXPECT_LE(norm(angular_now - angular), 2e-3 * norm(angular));  // the sweeps' own, as without
+}
+
+TEST(ViscousStep, AChangeThatWouldAddEnergyIsNotMade) {
+  EXPECT_EQ(share_that_loses_energy(-1.0, 2.0), 0.0);
+  EXPECT_EQ(share_that_loses_energy(0.0, 2.0), 0.0);
+  EXPECT_EQ(share_that_loses_energy(0.0, 0.0), 0.0);
+  EXPECT_EQ(share_that_loses_energy(std::nan(""), 2.0), 0.0);
+  EXPECT_EQ(share_that_loses_energy(0.5, 2.0), 0.25);  // where the energy is least
+  EXPECT_EQ(share_that_loses_energy(3.0, 2.0), 1.0);
 }
 
 TEST(StiffBar, AnyNumberOfThreadsGivesTheSameBits) {

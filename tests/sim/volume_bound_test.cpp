@@ -143,6 +143,13 @@ TEST(VolumeBound, ABodyWithoutAnElasticLawHasNone) {
   EXPECT_TRUE(VolumeBound::is_needed(elastic_scene()));
 }
 
+TEST(VolumeBound, GoesOnWhereFewTetsAreCrushedAndOnceOffComesBackOnlyWhereNoneIs) {
+  EXPECT_TRUE(VolumeBound::goes_on(true, 50, 1000));
+  EXPECT_FALSE(VolumeBound::goes_on(true, 51, 1000));
+  EXPECT_TRUE(VolumeBound::goes_on(false, 0, 1000));
+  EXPECT_FALSE(VolumeBound::goes_on(false, 1, 1000));
+}
+
 TEST(Viscosity, DoesNotMoveThePlaceOfRest) {
   const HeldBar bar{.cells = {4, 2, 2}, .substeps = 16, .swinging = 100, .frames = 260};
   for (SolverOptions options :

@@ -6,6 +6,7 @@
 #include "sim/solvers/fem_mass.hpp"
 #include "sim/solvers/fem_neo_hookean.hpp"
 #include "sim/solvers/fem_newton.hpp"
+#include "sim/solvers/fem_nodes.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -200,6 +201,79 @@ TEST(FemTerms, TheDefiniteTangentHasNoNegativeEigenvalueAndTheExactOneHas) {
   };
   EXPECT_LT(least(Tangent::exact), -1e-3);
   EXPECT_GT(least(Tangent::definite), -1e-10);
+}
+
+// What nodes that are not free are about to do pulls at those that are, along every axis.
+TEST(FemSystem, MovesOfHeldNodesPullAtFreeOnesByTheirBlock) {
+  FemSystem system({0, 1, 0}, FemOptions::Linear::cholesky);
+  const std::array nodes{0, 1, 2};
+  system.connect(nodes);
+  system.analyse();
+  std::mt19937 generator(6);
+  Eigen::Matrix<double, 9, 9> root;
+  for (double& entry : root.reshaped()) entry = random_in(generator, -1.0, 1.0);
+  const Eigen::Matrix<double, 9, 9> tangent =
+      root * root.transpose() + Eigen::Matrix<double, 9, 9>::Identity();
+  NodeField residual(3), moves(3), step;
+  for (auto& r : residual) r = random_vector(generator, 1.0);
+  moves[1] = {0.3, -0.5, 0.7};
+  system.begin(residual, moves);
+  system.add<3>(nodes, system.places_of<3>(nodes), tangent);
+  ASSERT_TRUE(system.solve(1e-12, step));
+  EXPECT_EQ(step[1], moves[1]);
+  Eigen::VectorXd whole(9);
+  for (int i = 0; i < 3; ++i) whole.segment<3>(3 * i) = to_eigen(step[i]);
+  const Eigen::VectorXd force = tangent * whole;
+  for (const int i : {0, 2}) {
+    EXPECT_LT((force.segment<3>(3 * i) - to_eigen(residual[i])).norm(), 1e-12) << i;
+  }
+}
+
+TEST(FemNodes, FreeMassesAreTheDiagonalOfTheMassMatrixWhereNothingHoldsThem) {
+  const Model model = make_cube(1);
+  for (const int order : {1, 2}) {
+    const FemMesh mesh(model, order);
+    std::vector<char> held(mesh.node_count(), 0);
+    held[3] = 1;
+    const FemSystem system(held, FemOptions::Linear::cholesky);
+    const std::vector<double> masses = free_masses(mesh, system);
+    ASSERT_EQ(masses.size(), mesh.node_count());
+    for (int i = 0; i < static_cast<int>(masses.size()); ++i) {
+      EXPECT_EQ(masses[i], i == 3 ? 0.0 : mesh.mass.coeff(i, i)) << i;
+      EXPECT_GT(masses[i], i == 3 ? -1.0 : 0.0) << i;
+    }
+  }
+}
+
+// A force that is no number, or has no bound.
+class Bursting final : public FemTerm {
+ public:
+  explicit Bursting(double force) : force_(force) {}
+  void connect(FemSystem&) override {}
+  void take_places(const FemSystem&) override {}
+  void add_forces(const FemFields&, FemForces& forces) const override {
+    forces.add(0, {force_, 0.0, 0.0});
+  }
+  void add_tangent(const FemFields&, Tangent, FemSystem&) const override {}
+
+ private:
+  double force_;
+};
+
+TEST(FemNewton, ForcesThatAreNotFiniteAreNoBalance) {
+  for (const double force : {std::numeric_limits<double>::infinity(), std::nan("")}) {
+    FemSystem system({0}, FemOptions::Linear::cholesky);
+    FemNewton::Terms terms;
+    terms.push_back(std::make_unique<Bursting>(force));
+    system.analyse();
+    const std::vector<double> stiffness{1.0};
+    FemNewton newton(system, terms, {}, stiffness);
+    const NodeField u(1);
+    NodeField d(1);
+    const std::string problem = newton.solve({u, d, {dt, 0.0}}, d, NodeField(1));
+    EXPECT_NE(problem.find("forces that are not finite"), std::string::npos) << problem;
+    EXPECT_EQ(newton.iterations(), 0);
+  }
 }
 
 // Sum of the nodal forces of a homogeneous deformation F = diag(a, b, c) on the face x = L, over
