@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate
+        live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -169,6 +169,11 @@ sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and Thr
 	  --output-on-failure -j $(JOBS)
 	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
 	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
+
+odr: all-packages ## link the programs as wholes and refuse types of one name that are not one type
+	@cmake -G Ninja -S . -B build/odr -DCMAKE_BUILD_TYPE=Release -DVISCERA_TESTS=OFF -DVISCERA_CUDA=OFF \
+	  -DCMAKE_CXX_FLAGS='-O1 -flto=auto -Werror=odr -Werror=lto-type-mismatch' >/dev/null
+	@ninja -C build/odr -j $(JOBS)
 
 fuzz: all-packages ## the readers of every file that viscera takes under libFuzzer (FUZZ_SECONDS each, FUZZ_ONLY)
 	@.ci/fuzz
