@@ -98,11 +98,9 @@ void write_table(const std::string& file, const std::vector<Mutant>& mutants,
   std::ofstream(file) << fmt::format(
       "# Mutants\n\n"
       "Written by `make mutate` (tests/mutate) of the sources at the commit \"{}\"; do not edit. "
-      "Each "
-      "row is one change made on purpose\n"
+      "Each row is one change made on purpose\n"
       "to the code, and the first test that failed with it. *Hung*: the suite did not end in "
-      "several "
-      "times what it takes on the unchanged code,\n"
+      "several times what it takes on the unchanged code,\n"
       "which counts as noticed. *Explained*: no test can notice it, for the reason given "
       "(tests/mutate/explained.tsv).\n"
       "*Never reached*: no test ran that line. Left out: code for GPUs alone, for want of a "
