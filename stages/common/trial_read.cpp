@@ -52,13 +52,17 @@ std::string read_all(int file) {
   }
 }
 
-[[noreturn]] void read_as_child(rlim_t more_bytes, int out,
+[[noreturn]] void read_as_child(rlim_t more_bytes, rlim_t seconds, int out,
                                 const std::function<std::string()>& read) {
   limit_memory(more_bytes);
+  const rlimit processor{seconds, seconds + 1};
+  setrlimit(RLIMIT_CPU, &processor);
   const rlimit no_core{0, 0};
   setrlimit(RLIMIT_CORE, &no_core);
   // A handler of this process would turn the signal of a crash into an exit, which tells nothing.
-  for (const int crash : {SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV}) std::signal(crash, SIG_DFL);
+  for (const int end : {SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV, SIGXCPU}) {
+    std::signal(end, SIG_DFL);
+  }
   try {
     write_all(out, read());
   } catch (const std::bad_alloc&) {
@@ -71,10 +75,12 @@ std::string read_all(int file) {
 }  // namespace
 
 ChildReading read_in_child(const std::filesystem::path& path,
-                           const std::function<std::string()>& read) {
+                           const std::function<std::string()>& read, int most_seconds) {
   std::error_code failure;
-  const auto bytes = std::filesystem::file_size(path, failure);
-  const rlim_t more = (rlim_t{1} << 30) + 200 * (failure ? 0 : static_cast<rlim_t>(bytes));
+  const std::uintmax_t size = std::filesystem::file_size(path, failure);
+  const rlim_t bytes = failure ? 0 : static_cast<rlim_t>(size);
+  const rlim_t more = (rlim_t{1} << 30) + 200 * bytes;
+  const rlim_t seconds = static_cast<rlim_t>(most_seconds) + bytes / 1'000'000;
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) return {.result = read()};
   const pid_t child = fork();
@@ -83,7 +89,7 @@ ChildReading read_in_child(const std::filesystem::path& path,
     close(ends[1]);
     return {.result = read()};
   }
-  if (child == 0) read_as_child(more, ends[1], read);
+  if (child == 0) read_as_child(more, seconds, ends[1], read);
   close(ends[1]);
   std::string result = read_all(ends[0]);
   close(ends[0]);
@@ -93,6 +99,9 @@ ChildReading read_in_child(const std::filesystem::path& path,
   if (WIFEXITED(status) && WEXITSTATUS(status) == out_of_memory) {
     return {.broken = fmt::format("claims more points, cells or values than its {} bytes can hold",
                                   bytes)};
+  }
+  if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU) {
+    return {.broken = fmt::format("damaged: its reader does not end within {} s", seconds)};
   }
   // A library may also end the process by itself, as a sanitizer does.
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {

@@ -12,6 +12,7 @@
 
 #include "stages/common/trial_read.hpp"
 #include "stages/common/vtk_messages.hpp"
+#include "stages/common/vtk_threads.hpp"
 
 namespace viscera {
 
@@ -27,6 +28,7 @@ VtkReading<Data> read_vtk_xml(const std::filesystem::path& path, const std::stri
   constexpr char whole = 'w';
   const std::string unreadable = "not readable as " + kind;
   const auto read = [&path, &unreadable] {
+    compute_vtk_in_one_thread();
     const VtkMessages messages;
     vtkNew<Reader> reader;
     reader->SetFileName(path.c_str());

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <csignal>
 #include <cstdlib>
 #include <new>
@@ -30,6 +31,14 @@ TEST(TrialRead, ACrashIsToldAlsoWhereThisProcessHandlesItsSignal) {
 TEST(TrialRead, AnEndOfTheProcessAndAWantOfMemoryAreTold) {
   EXPECT_NE(what_breaks([] { _Exit(1); }).find("crashes"), std::string::npos);
   EXPECT_NE(what_breaks([] { throw std::bad_alloc(); }).find("claims more"), std::string::npos);
+}
+
+TEST(TrialRead, AReadingWithoutEndIsEnded) {
+  const auto forever = []() -> std::string {
+    for (;;) std::atomic_thread_fence(std::memory_order_seq_cst);
+  };
+  const std::string broken = read_in_child("/dev/null", forever, 1).broken;
+  EXPECT_EQ(broken, "damaged: its reader does not end within 1 s");
 }
 
 TEST(TrialRead, WhatAChildReadsIsHandedOverWholeAndChangesNothingHere) {
