@@ -1,0 +1,47 @@
+#include "sim/forces.hpp"
+
+#include <stdexcept>
+
+#include "sim/element_forces.hpp"
+
+namespace viscera::sim {
+namespace {
+
+template <class Effect>
+using InDouble = Prepared<Effect, double>;
+
+}  // namespace
+
+std::vector<Vec3<double>> element_forces(const Model& model, const Scene& scene,
+                                         const State& state) {
+  check_scene(scene);
+  if (state.u.size() != model.vertex_count()) {
+    throw std::invalid_argument("element_forces: a state of another number of vertices");
+  }
+  Effects::Slots<InDouble> on;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (Effect::kind == EffectKind::element) {
+      for (const auto& params : std::get<i>(scene.effects)) {
+        std::get<i>(on).emplace_back(model, params, scene.time.substep_s());
+      }
+    }
+  });
+  std::size_t numbers = 0;
+  for_each_slot<EffectKind::element>(on, [&]<class Effect>(const auto& effect) {
+    numbers += effect.vertices.size() * memory_of<Effect>;
+  });
+  const std::vector<double> virgin(state.memory.empty() ? numbers : 0);
+  const auto remembered = memory_of_elements(on, state);
+  if (!remembered && virgin.size() < numbers) {
+    throw std::invalid_argument("element_forces: a state with the history of other elements");
+  }
+  std::span<const double> memory = remembered.value_or(std::span<const double>(virgin));
+  VertexField forces(model.vertex_count());
+  for_each_slot<EffectKind::element>(on, [&]<class Effect>(const auto& effect) {
+    add_forces<Effect>(effect, memory, state.u, {}, forces);
+    memory = memory.subspan(effect.vertices.size() * memory_of<Effect>);
+  });
+  return forces;
+}
+
+}  // namespace viscera::sim
