@@ -6,9 +6,9 @@
 
 #include "pipeline/contract/error.hpp"
 #include "pipeline/contract/log.hpp"
-#include "pipeline/engine/catalog.hpp"
-#include "pipeline/engine/inspect.hpp"
-#include "pipeline/engine/upkeep.hpp"
+#include "pipeline/engine/programs/catalog.hpp"
+#include "pipeline/engine/run/inspect.hpp"
+#include "pipeline/engine/store/upkeep.hpp"
 #include "pipeline/schema/spec_schema.hpp"
 
 namespace {

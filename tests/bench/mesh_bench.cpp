@@ -15,7 +15,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/param.hpp"
-#include "pipeline/engine/process.hpp"
+#include "pipeline/engine/programs/process.hpp"
 
 namespace {
 

@@ -1,5 +1,5 @@
 // Stages whose executables cannot be asked what they declare.
-#include "pipeline/engine/catalog.hpp"
+#include "pipeline/engine/programs/catalog.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "pipeline/engine/devices.hpp"
+#include "pipeline/engine/run/devices.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,8 +6,8 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/digest.hpp"
-#include "pipeline/engine/digest_cache.hpp"
-#include "pipeline/engine/explain.hpp"
+#include "pipeline/engine/plan/explain.hpp"
+#include "pipeline/engine/store/digest_cache.hpp"
 
 namespace viscera {
 namespace {

@@ -1,4 +1,4 @@
-#include "pipeline/engine/live_run.hpp"
+#include "pipeline/engine/store/live_run.hpp"
 
 #include <gtest/gtest.h>
 

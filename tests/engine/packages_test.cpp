@@ -5,7 +5,7 @@
 #include <fstream>
 
 #include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/engine/process.hpp"
+#include "pipeline/engine/programs/process.hpp"
 
 namespace viscera {
 namespace {

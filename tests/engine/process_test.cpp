@@ -1,4 +1,4 @@
-#include "pipeline/engine/process.hpp"
+#include "pipeline/engine/programs/process.hpp"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/engine/file_lock.hpp"
+#include "pipeline/engine/store/file_lock.hpp"
 
 namespace viscera {
 namespace {

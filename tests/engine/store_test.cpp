@@ -1,5 +1,5 @@
 // Entries of the cache that a stranger wrote, with the checksums that belong to them.
-#include "pipeline/engine/store.hpp"
+#include "pipeline/engine/store/store.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 
 #include "pipeline/contract/digest.hpp"
 #include "pipeline/contract/json_value.hpp"
-#include "pipeline/engine/store.hpp"
+#include "pipeline/engine/store/store.hpp"
 #include "tests/fuzz/fuzz_file.hpp"
 
 namespace {

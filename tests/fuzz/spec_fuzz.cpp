@@ -5,7 +5,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/error.hpp"
-#include "pipeline/engine/spec.hpp"
+#include "pipeline/engine/spec/spec.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
   using namespace viscera;

@@ -7,7 +7,7 @@
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/exit_code.hpp"
-#include "pipeline/engine/process.hpp"
+#include "pipeline/engine/programs/process.hpp"
 
 namespace viscera::testing {
 namespace {

@@ -35,7 +35,10 @@ const std::set<std::string> left_out = {"sim/backend/pace.hpp",      "sim/backen
 
 bool belongs(const Group& group, const fs::path& file) {
   const std::string name = file.filename().string();
-  if (left_out.count(file.string()) || file.parent_path() != group.name) return false;
+  const fs::path folder = file.parent_path();
+  const bool inside = folder == group.name ||
+                      (group.name == "pipeline/engine" && folder.parent_path() == group.name);
+  if (left_out.count(file.string()) || !inside) return false;
   if (file.extension() != ".cpp" && file.extension() != ".hpp") return false;
   if (name.find("cuda") != std::string::npos) return false;  // for a GPU alone
   return group.name != "stages/tetmesh" || name.starts_with("improve") ||
@@ -139,7 +142,7 @@ std::vector<Mutant> choose(const std::string& root, const std::string& by_hand) 
   add_by_hand(root, by_hand, chosen);
   for (const Group& group : groups) {
     std::vector<std::string> files;
-    for (const auto& entry : fs::directory_iterator(fs::path(root) / group.name)) {
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(root) / group.name)) {
       const fs::path file = fs::relative(entry.path(), root);
       if (belongs(group, file)) files.push_back(file.string());
     }

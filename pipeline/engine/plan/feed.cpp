@@ -1,0 +1,88 @@
+#include "pipeline/engine/plan/feed.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace viscera {
+namespace fs = std::filesystem;
+
+bool produced(const PlannedInput& input, const std::optional<Entry>& producer) {
+  return producer && std::ranges::any_of(producer->manifest.outputs, [&input](const auto& file) {
+           return file.path == input.produced_file;
+         });
+}
+
+bool lacks_input(const PlannedStage& stage, const Entries& entries) {
+  return std::ranges::any_of(stage.inputs, [&entries](const PlannedInput& input) {
+    if (input.producers.empty() || !input.role.required) return false;
+    return std::ranges::none_of(
+        input.producers, [&](std::size_t producer) { return produced(input, entries[producer]); });
+  });
+}
+
+void name_cases(Plan& plan, std::size_t i, const Entries& entries) {
+  PlannedStage& stage = plan[i];
+  const auto& params = stage.program.info.params;
+  const auto declared = std::ranges::find(params, "cases", &Param::name);
+  if (!stage.gathers || declared == params.end() || declared->type != ParamType::list) return;
+  const auto many = std::ranges::find_if(
+      stage.inputs, [](const PlannedInput& input) { return input.producers.size() > 1; });
+  if (many == stage.inputs.end()) return;
+  Json names = Json::array();
+  for (const std::size_t producer : many->producers) {
+    if (produced(*many, entries[producer])) names.push_back(plan[producer].case_name);
+  }
+  stage.params["cases"] = std::move(names);
+}
+
+std::string missing_producers(const Plan& plan, std::size_t i, const Entries& entries) {
+  constexpr std::size_t named = 3;
+  std::string names;
+  std::size_t count = 0;
+  for (const std::size_t producer : awaited_by(plan, i)) {
+    if (entries[producer] || ++count > named) continue;
+    names += (names.empty() ? "" : ", ") + plan[producer].label();
+  }
+  return count > named ? fmt::format("{} and {} more", names, count - named) : names;
+}
+
+std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const Entries& entries,
+                                         const fs::path& out, const WorkFolders& folders,
+                                         unsigned threads) {
+  const PlannedStage& stage = plan[i];
+  std::vector<std::string> all = {stage.program.executable.string(),
+                                  "run",
+                                  "--log",
+                                  "json",
+                                  "--out",
+                                  folders.work.string(),
+                                  "--scratch",
+                                  folders.scratch.string()};
+  const auto add = [&all](const char* option, const std::string& name, const std::string& value) {
+    all.push_back(option);
+    all.push_back(name + "=" + value);
+  };
+  for (const auto& input : stage.inputs) {
+    const std::string& role = input.role.role;
+    for (const auto& file : input.files) add("--in", role, file.string());
+    if (input.from_engine) add("--in", role, (out / engine_file).string());
+    for (const std::size_t producer : input.producers) {
+      if (!produced(input, entries[producer])) continue;
+      const fs::path folder = folder_of(out, plan[producer]) / plan[producer].name();
+      add("--in", role, (folder / input.produced_file).string());
+    }
+  }
+  for (const auto& param : stage.program.info.params) {
+    const Json& value = stage.params.at(param.name);
+    const bool has_unit = value.is_number() && param.unit != "1";
+    if (threads > 0 && is_thread_count(param) && value == 0) {
+      add("--set", param.name, std::to_string(threads));
+    } else if (!value.is_null()) {
+      add("--set", param.name, value.dump() + (has_unit ? param.unit : ""));
+    }
+  }
+  return all;
+}
+
+}  // namespace viscera
