@@ -11,12 +11,12 @@
 #include "stages/common/image_io.hpp"
 #include "stages/common/label_components.hpp"
 #include "stages/common/surface_io.hpp"
-#include "stages/tetmesh/hxt.hpp"
-#include "stages/tetmesh/measure.hpp"
-#include "stages/tetmesh/nesting.hpp"
-#include "stages/tetmesh/order.hpp"
-#include "stages/tetmesh/project_fields.hpp"
-#include "stages/tetmesh/project_surface.hpp"
+#include "stages/tetmesh/exchange/hxt.hpp"
+#include "stages/tetmesh/generate/nesting.hpp"
+#include "stages/tetmesh/generate/order.hpp"
+#include "stages/tetmesh/improve/project_fields.hpp"
+#include "stages/tetmesh/improve/project_surface.hpp"
+#include "stages/tetmesh/quality/measure.hpp"
 
 namespace viscera {
 namespace {

@@ -8,10 +8,10 @@
 
 #include "stages/common/stage_main.hpp"
 #include "stages/common/tet_topology.hpp"
-#include "stages/tetmesh/improve.hpp"
-#include "stages/tetmesh/label_loss.hpp"
-#include "stages/tetmesh/mesh.hpp"
-#include "stages/tetmesh/size_field.hpp"
+#include "stages/tetmesh/generate/mesh.hpp"
+#include "stages/tetmesh/generate/size_field.hpp"
+#include "stages/tetmesh/improve/improve.hpp"
+#include "stages/tetmesh/quality/label_loss.hpp"
 
 namespace viscera {
 

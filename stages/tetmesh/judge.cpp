@@ -9,8 +9,8 @@
 #include "pipeline/contract/log.hpp"
 #include "stages/common/tet_topology.hpp"
 #include "stages/common/vec.hpp"
-#include "stages/tetmesh/distance.hpp"
 #include "stages/tetmesh/gates.hpp"
+#include "stages/tetmesh/quality/distance.hpp"
 
 namespace viscera {
 namespace {

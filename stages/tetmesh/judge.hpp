@@ -6,9 +6,9 @@
 
 #include "stages/common/stage_main.hpp"
 #include "stages/common/surface_mesh.hpp"
-#include "stages/tetmesh/label_loss.hpp"
-#include "stages/tetmesh/measure.hpp"
-#include "stages/tetmesh/time_step.hpp"
+#include "stages/tetmesh/quality/label_loss.hpp"
+#include "stages/tetmesh/quality/measure.hpp"
+#include "stages/tetmesh/quality/time_step.hpp"
 
 namespace viscera {
 

@@ -85,6 +85,14 @@ std::vector<std::string> may_include(const std::string& file) {
   if (file.starts_with("stages/live/")) {  // a tool on the stage's library
     return {"stages/live/", "stages/simulate/", "stages/common/", "sim/", "pipeline/contract/"};
   }
+  const std::string mesh = "stages/tetmesh/";
+  for (const std::string folder : {"generate/", "quality/", "exchange/", "improve/"}) {
+    if (!file.starts_with(mesh + folder)) continue;
+    std::vector<std::string> may = {mesh + folder, "stages/common/", "pipeline/contract/"};
+    if (folder == "exchange/") may.push_back(mesh + "quality/");
+    if (folder == "improve/") may.insert(may.end(), {mesh + "generate/", mesh + "quality/"});
+    return may;
+  }
   const auto end = file.find('/', std::string("stages/").size());
   return {file.substr(0, end + 1), "stages/common/", "sim/", "pipeline/contract/"};
 }
@@ -132,6 +140,7 @@ TEST(Architecture, TheRulesNoticeAnArrowThatPointsTheWrongWay) {
       refused("pipeline/engine/plan/key.cpp", "#include \"pipeline/engine/run/runner.hpp\""));
   EXPECT_FALSE(
       refused("pipeline/engine/run/runner.cpp", "#include \"pipeline/engine/plan/key.hpp\""));
+  EXPECT_TRUE(refused("stages/tetmesh/generate/mesh.hpp", "#include \"stages/tetmesh/job.hpp\""));
   EXPECT_TRUE(refused("stages/labels/stage.cpp", "#include \"stages/surface/stage.hpp\""));
   EXPECT_TRUE(refused("stages/labels/stage.cpp", "#include \"pipeline/engine/spec/spec.hpp\""));
   EXPECT_TRUE(refused("stages/simulate/stage.cpp", "#include \"stages/live/world.hpp\""));

@@ -8,7 +8,7 @@
 #include "stages/common/surface_io.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/trajectory_io.hpp"
-#include "stages/tetmesh/export.hpp"
+#include "stages/tetmesh/exchange/export.hpp"
 
 namespace {
 

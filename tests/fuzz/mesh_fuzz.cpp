@@ -5,7 +5,7 @@
 #include "pipeline/contract/log.hpp"
 #include "stages/common/surface_io.hpp"
 #include "stages/common/tet_io.hpp"
-#include "stages/tetmesh/import.hpp"
+#include "stages/tetmesh/exchange/import.hpp"
 #include "tests/fuzz/fuzz_file.hpp"
 
 extern "C" int LLVMFuzzerInitialize(int*, char***) {

@@ -6,8 +6,8 @@
 #include <set>
 
 #include "stages/common/tet_topology.hpp"
-#include "stages/tetmesh/improve_stars.hpp"
-#include "stages/tetmesh/measure.hpp"
+#include "stages/tetmesh/improve/improve_stars.hpp"
+#include "stages/tetmesh/quality/measure.hpp"
 #include "tests/geometry/shapes.hpp"
 
 namespace viscera {

@@ -1,12 +1,12 @@
-#include "stages/tetmesh/material_fields.hpp"
+#include "stages/tetmesh/generate/material_fields.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "stages/common/vec.hpp"
-#include "stages/tetmesh/mesh.hpp"
-#include "stages/tetmesh/size_field.hpp"
+#include "stages/tetmesh/generate/mesh.hpp"
+#include "stages/tetmesh/generate/size_field.hpp"
 #include "tests/geometry/shapes.hpp"
 
 namespace viscera {

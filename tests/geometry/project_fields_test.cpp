@@ -1,5 +1,5 @@
 // Points put back onto the interfaces of smoothed labels.
-#include "stages/tetmesh/project_fields.hpp"
+#include "stages/tetmesh/improve/project_fields.hpp"
 
 #include <gtest/gtest.h>
 

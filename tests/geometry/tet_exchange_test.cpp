@@ -14,9 +14,9 @@
 #include "pipeline/contract/error.hpp"
 #include "stages/common/tet_io.hpp"
 #include "stages/common/tet_topology.hpp"
-#include "stages/tetmesh/distance.hpp"
-#include "stages/tetmesh/export.hpp"
-#include "stages/tetmesh/import.hpp"
+#include "stages/tetmesh/exchange/export.hpp"
+#include "stages/tetmesh/exchange/import.hpp"
+#include "stages/tetmesh/quality/distance.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/geometry/shapes.hpp"
 

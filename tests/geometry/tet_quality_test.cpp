@@ -12,7 +12,7 @@
 #include <random>
 
 #include "stages/common/tet_topology.hpp"
-#include "stages/tetmesh/measure.hpp"
+#include "stages/tetmesh/quality/measure.hpp"
 
 namespace viscera {
 namespace {

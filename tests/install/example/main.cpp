@@ -5,8 +5,8 @@
 #include "sim/forces.hpp"
 #include "sim/solvers/make.hpp"
 #include "stages/common/image_io.hpp"
-#include "stages/tetmesh/improve.hpp"
-#include "stages/tetmesh/mesh.hpp"
+#include "stages/tetmesh/generate/mesh.hpp"
+#include "stages/tetmesh/improve/improve.hpp"
 
 int main(int, char** arguments) {
   using namespace viscera;

@@ -1,0 +1,175 @@
+#include "stages/tetmesh/generate/material_fields.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "pipeline/contract/error.hpp"
+
+namespace viscera {
+namespace {
+
+constexpr std::size_t max_labels = 255;
+
+}  // namespace
+
+MaterialFields::MaterialFields(const LabelImage& image, double sigma) : frame_(image.frame) {
+  std::vector<std::size_t> counts(65536);
+  for (const auto id : image.voxels) ++counts[id];
+  for (int id = 1; id < 65536; ++id) {
+    if (counts[id] == 0) continue;
+    ids_.push_back(id);
+    voxels_.push_back(static_cast<double>(counts[id]));
+  }
+  if (ids_.size() > max_labels) {
+    throw Error(ExitCode::bad_input,
+                {.field = "labels",
+                 .found = fmt::format("{} of them", ids_.size()),
+                 .allowed = fmt::format("at most {} materials in one mesh", max_labels),
+                 .remedy = "choose or merge labels in viscera-labels"});
+  }
+  const std::size_t width = this->width();
+  values_.resize(width * frame_.voxels());
+  for (std::size_t slot = 0; slot < width; ++slot) {
+    const Field field = smooth(frame_, mask_of(image, slot == 0 ? 0 : ids_[slot - 1]), sigma);
+    for (std::size_t v = 0; v < field.size(); ++v) values_[v * width + slot] = field[v];
+  }
+  aim({});
+}
+
+void MaterialFields::aim(const std::map<int, double>& factors) {
+  const auto factor = [&factors](int id) {
+    const auto found = factors.find(id);
+    return found == factors.end() ? 1.0 : found->second;
+  };
+  std::vector<double> wanted = voxels_;
+  for (std::size_t l = 0; l < wanted.size(); ++l) wanted[l] *= factor(ids_[l]);
+  Field body(frame_.voxels());
+  for (std::size_t v = 0; v < body.size(); ++v) body[v] = values_[v * width()];
+  const double voxels = std::accumulate(voxels_.begin(), voxels_.end(), 0.0);
+  level_ = matched_level(frame_, body, factor(0) * voxels * frame_.voxel_volume());
+  biases_.assign(ids_.size(), 0.0);
+  if (ids_.size() > 1) match_labels(std::move(wanted));
+}
+
+int MaterialFields::winner(const double* values) const {
+  std::size_t best = 0;
+  for (std::size_t l = 1; l < ids_.size(); ++l)
+    if (values[l] + biases_[l] > values[best] + biases_[best]) best = l;
+  return static_cast<int>(best);
+}
+
+// Voxel centres inside the body stand for its volume. Labels are taken from small to large; the
+// largest keeps bias 0 and receives what is left. Three sweeps settle labels that touch each other.
+void MaterialFields::match_labels(std::vector<double> wanted) {
+  const std::size_t labels = ids_.size();
+  std::vector<std::size_t> inside;
+  for (std::size_t v = 0; v < frame_.voxels(); ++v)
+    if (values_[v * width()] > level_) inside.push_back(v);
+  std::vector<std::size_t> order(labels);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return voxels_[a] < voxels_[b]; });
+  order.pop_back();
+  std::vector<double> lead(inside.size());  // of the best other label over this one, unbiased
+  for (int sweep = 0; sweep < 3; ++sweep)
+    for (const std::size_t l : order) {
+      for (std::size_t i = 0; i < inside.size(); ++i) {
+        const float* values = &values_[inside[i] * width() + 1];
+        double best = -std::numeric_limits<double>::max();
+        for (std::size_t o = 0; o < labels; ++o)
+          if (o != l) best = std::max(best, values[o] + biases_[o]);
+        lead[i] = best - values[l];
+      }
+      const auto count = std::min(static_cast<double>(lead.size()) - 1.0, wanted[l]);
+      const auto middle = lead.begin() + static_cast<std::ptrdiff_t>(count);
+      std::nth_element(lead.begin(), middle, lead.end());
+      // A bias beyond half the field's range would let a label appear where it never was.
+      biases_[l] = std::clamp(*middle, -0.45, 0.45);
+    }
+}
+
+int MaterialFields::at(const std::array<double, 3>& p) const {
+  return evaluate(p, level_);
+}
+
+int MaterialFields::nearest(const std::array<double, 3>& p) const {
+  return evaluate(p, -1.0);
+}
+
+double MaterialFields::lead(const std::array<double, 3>& p, int a, int b,
+                            std::array<double, 3>& gradient) const {
+  Cell cell;
+  std::array<double, 3> inside = p;
+  for (int i = 0; i < 3; ++i)
+    inside[i] = std::clamp(p[i], 0.0, (frame_.size[i] - 1) * frame_.spacing[i]);
+  locate(inside, cell);
+  const auto slot = [this](int id) {
+    return static_cast<std::size_t>(std::lower_bound(ids_.begin(), ids_.end(), id) - ids_.begin());
+  };
+  const bool outer = a == 0 || b == 0;
+  const std::size_t of_a = outer ? 0 : slot(a), of_b = outer ? 0 : slot(b);
+  double value = outer ? -level_ : biases_[of_a] - biases_[of_b];
+  gradient = {};
+  for (int c = 0; c < 8; ++c) {
+    const double here =
+        outer ? cell.corner[c][0] : cell.corner[c][of_a + 1] - cell.corner[c][of_b + 1];
+    std::array<double, 3> weight, slope;
+    for (int i = 0; i < 3; ++i) {
+      const bool far = (c >> i) & 1;
+      weight[i] = far ? cell.part[i] : 1.0 - cell.part[i];
+      slope[i] = (far ? 1.0 : -1.0) / frame_.spacing[i];
+    }
+    value += weight[0] * weight[1] * weight[2] * here;
+    gradient[0] += slope[0] * weight[1] * weight[2] * here;
+    gradient[1] += weight[0] * slope[1] * weight[2] * here;
+    gradient[2] += weight[0] * weight[1] * slope[2] * here;
+  }
+  const double sign = a == 0 ? -1.0 : 1.0;
+  for (double& g : gradient) g *= sign;
+  return sign * value;
+}
+
+bool MaterialFields::locate(const std::array<double, 3>& p, Cell& cell) const {
+  std::array<std::size_t, 3> at;
+  for (int a = 0; a < 3; ++a) {
+    const double index = p[a] / frame_.spacing[a];
+    if (!(index >= 0.0 && index <= frame_.size[a] - 1)) return false;
+    at[a] = static_cast<std::size_t>(std::min(static_cast<int>(index), frame_.size[a] - 2));
+    cell.part[a] = index - static_cast<double>(at[a]);
+  }
+  const std::size_t width = this->width();
+  const std::size_t dy = frame_.size[0], dz = dy * static_cast<std::size_t>(frame_.size[1]);
+  const float* base = &values_[((at[2] * frame_.size[1] + at[1]) * dy + at[0]) * width];
+  for (int c = 0; c < 8; ++c)
+    cell.corner[c] = base + ((c & 1 ? 1 : 0) + (c & 2 ? dy : 0) + (c & 4 ? dz : 0)) * width;
+  return true;
+}
+
+int MaterialFields::evaluate(const std::array<double, 3>& p, double level) const {
+  Cell cell;
+  if (!locate(p, cell)) return 0;
+  const auto& [corner, part] = cell;
+  std::array<double, 8> weight;
+  double body = 0.0;
+  for (int c = 0; c < 8; ++c) {
+    const bool x = c & 1, y = c & 2, z = c & 4;
+    weight[c] =
+        (x ? part[0] : 1 - part[0]) * (y ? part[1] : 1 - part[1]) * (z ? part[2] : 1 - part[2]);
+    body += weight[c] * *corner[c];
+  }
+  if (body <= level) return 0;
+  const std::size_t labels = ids_.size();
+  if (labels == 1) return ids_[0];
+  std::array<double, max_labels> values;  // filled up to labels
+  for (std::size_t l = 0; l < labels; ++l) {
+    values[l] = 0.0;
+    for (int c = 0; c < 8; ++c) values[l] += weight[c] * corner[c][l + 1];
+  }
+  return ids_[winner(values.data())];
+}
+
+}  // namespace viscera
