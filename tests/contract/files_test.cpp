@@ -51,6 +51,24 @@ TEST(TemporaryFolder, TakesAwayTheParentsThatItMadeUnlessSomethingIsInThem) {
   EXPECT_TRUE(fs::exists(made)) << "it was there before";
 }
 
+// A link to nowhere is no folder, and none can be made in its place.
+TEST(TemporaryFolder, AParentThatCannotBeMadeIsRefusedWithTheReason) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const fs::path parent = folder.path() / "out";
+  fs::create_symlink(folder.path() / "nowhere", parent);
+  std::error_code reason;
+  fs::create_directories(parent, reason);
+  ASSERT_TRUE(reason);
+  try {
+    const TemporaryFolder refused(parent);
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::usage);
+    EXPECT_EQ(e.problem().where, parent.string());
+    EXPECT_EQ(e.problem().found, "cannot be written: " + reason.message());
+  }
+}
+
 TEST(Digest, Sha256MatchesThePublishedVector) {
   // FIPS 180-4, "abc"
   EXPECT_EQ(sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
@@ -69,6 +87,16 @@ TEST(Manifest, OfAPathOnlyTheLastNameIsShown) {
   EXPECT_EQ(file_name("ct.nii.gz"), "ct.nii.gz");
   EXPECT_EQ(file_name("/home/x/dicom//"), "dicom");
   EXPECT_EQ(file_name("/"), "/");
+}
+
+TEST(Manifest, AFileNameMayBeAsLongAsTheSystemAllowsAndStaysInItsFolder) {
+  EXPECT_TRUE(is_file_name("a"));
+  EXPECT_TRUE(is_file_name(std::string(255, 'a')));
+  for (const std::string& name :
+       {std::string(256, 'a'), std::string(), std::string("."), std::string(".."),
+        std::string("a/b"), std::string("/a"), std::string("a\0b", 3)}) {
+    EXPECT_FALSE(is_file_name(name)) << name;
+  }
 }
 
 TEST(Manifest, SurvivesTheWayThroughJson) {

@@ -1,6 +1,8 @@
 #include "pipeline/engine/store/live_run.hpp"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "pipeline/contract/atomic_file.hpp"
 
@@ -30,6 +32,21 @@ TEST(LiveRuns, AFileThatIsGoneWhenItIsOpenedIsNoRun) {
   const LiveRun run(folder.path());
   fs::create_symlink(folder.path() / "nowhere", folder.path() / "ended");
   EXPECT_EQ(live_runs(folder.path(), false).count, 1);
+}
+
+// The first file that such a process opens has the number 0.
+TEST(LiveRuns, ARunWithoutAStandardInputLivesToo) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const int input = fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 3);
+  close(STDIN_FILENO);
+  EXPECT_NO_THROW({
+    LiveRun run(folder.path());
+    run.note("a");
+    EXPECT_EQ(live_runs(folder.path(), false).noted, std::set<std::string>{"a"});
+  });
+  if (input < 0) return;  // there was none before
+  dup2(input, STDIN_FILENO);
+  close(input);
 }
 
 }  // namespace

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <random>
 
 #include "pipeline/contract/atomic_file.hpp"
 #include "pipeline/contract/log.hpp"
+#include "stages/common/vec.hpp"
 
 namespace viscera::testing {
 
@@ -50,6 +52,43 @@ TetMesh shaken_cube(int n, double shake, unsigned seed) {
           mesh.tets.push_back(tet);
           mesh.labels.push_back(2 * z < n ? 1 : 2);
         }
+  return mesh;
+}
+
+TetMesh ball_around_a_point(bool first, double middle) {
+  TetMesh mesh{.points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
+  std::vector<std::array<int, 3>> shell = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4},
+                                           {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+  for (int round = 0; round < 2; ++round) {
+    std::map<std::array<int, 2>, int> middles;
+    const auto between = [&](int a, int b) {
+      const auto [entry, fresh] = middles.try_emplace({std::min(a, b), std::max(a, b)},
+                                                      static_cast<int>(mesh.points.size()));
+      if (fresh) {
+        const Vec sum = add(mesh.points[a], mesh.points[b]);
+        mesh.points.push_back(scale(1.0 / norm(sum), sum));
+      }
+      return entry->second;
+    };
+    std::vector<std::array<int, 3>> finer;
+    for (const auto& t : shell) {
+      const int ab = between(t[0], t[1]), bc = between(t[1], t[2]), ca = between(t[2], t[0]);
+      finer.insert(finer.end(), {{t[0], ab, ca}, {t[1], bc, ab}, {t[2], ca, bc}, {ab, bc, ca}});
+    }
+    shell = finer;
+  }
+  const int centre = first ? 0 : static_cast<int>(mesh.points.size());
+  mesh.points.insert(mesh.points.begin() + centre, {0, 0, 0});
+  for (const auto& [a, b, c] : shell)
+    mesh.tets.push_back({a + first, b + first, c + first, centre});
+  for (auto& tet : mesh.tets) {
+    const auto& [a, b, c, d] = tet;
+    const auto& p = mesh.points;
+    if (dot(sub(p[b], p[a]), cross(sub(p[c], p[a]), sub(p[d], p[a]))) < 0.0)
+      std::swap(tet[0], tet[1]);
+    const double z = mesh.points[a][2] + mesh.points[b][2] + mesh.points[c][2];
+    mesh.labels.push_back(0.25 * z > middle ? 2 : 1);
+  }
   return mesh;
 }
 

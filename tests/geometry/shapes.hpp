@@ -44,6 +44,10 @@ SurfaceMesh ball_surface(double radius);
 // 2 above the middle, whose points only move sideways.
 TetMesh shaken_cube(int n, double shake, unsigned seed);
 
+// A ball of 128 tets around one point, which is the first of the mesh or the last; label 2 where
+// the middle of a tet lies above `middle`.
+TetMesh ball_around_a_point(bool first, double middle = 2.0);
+
 struct Outcome {
   int code = 0;
   std::string log;  // stderr

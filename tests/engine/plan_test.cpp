@@ -1,0 +1,128 @@
+// What the engine says of a plan's stages once some of them have ended.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/contract/digest.hpp"
+#include "pipeline/engine/plan/case_report.hpp"
+#include "pipeline/engine/run/inspect.hpp"
+#include "pipeline/engine/run/run_folders.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+PlannedStage planned(const std::string& stage, const std::string& case_name) {
+  PlannedStage one;
+  one.program.info.name = stage;
+  one.case_name = case_name;
+  return one;
+}
+
+Entry ended(ExitCode exit, const std::string& message, double wall_s = 0.0) {
+  Entry entry;
+  entry.manifest = {.stage = "alpha", .exit = exit, .message = message, .params = Json::object()};
+  entry.manifest.wall_s = wall_s;
+  entry.manifest_json = to_json(entry.manifest);
+  return entry;
+}
+
+TEST(Plan, AGatheringStageReadsOfEveryCaseAlsoWhatTheFirstStageMakes) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const auto install = [&](const StageInfo& info) {
+    const fs::path program = folder.path() / ("viscera-" + info.name);
+    write_atomically(program, "#!/bin/sh\ncat <<'end'\n" + to_json(info).dump() + "\nend\n");
+    fs::permissions(program, fs::perms::owner_all);
+  };
+  install({.name = "alpha", .outputs = {{.file = "a.txt", .role = "mesh"}}});
+  install({.name = "omega", .inputs = {{.role = "mesh", .many = true}}});
+  Spec spec;
+  for (const char* name : {"soft", "stiff"})
+    spec.cases.push_back({.name = name, .stages = {{.name = "alpha"}}});
+  spec.gather = {{.name = "omega"}};
+  Store store(folder.path() / "cache", false);
+  Catalog catalog(folder.path(), store);
+  const Plan plan = make_plan(spec, catalog);
+  ASSERT_EQ(plan.size(), 3u);
+  EXPECT_EQ(awaited_by(plan, 2), (std::vector<std::size_t>{0, 1}));
+}
+
+// A stage that gathers what `cases` others make, and is the last of the plan.
+std::string missing_of(std::size_t cases) {
+  Plan plan;
+  PlannedInput input;
+  for (std::size_t i = 0; i < cases; ++i) {
+    plan.push_back(planned("alpha", fmt::format("c{}", i)));
+    input.producers.push_back(i);
+  }
+  plan.push_back(planned("omega", ""));
+  plan.back().inputs = {input};
+  return missing_producers(plan, cases, Entries(plan.size()));
+}
+
+TEST(MissingProducers, ThreeAreNamedAndFurtherOnesCounted) {
+  EXPECT_EQ(missing_of(1), "c0/alpha");
+  EXPECT_EQ(missing_of(3), "c0/alpha, c1/alpha, c2/alpha");
+  EXPECT_EQ(missing_of(5), "c0/alpha, c1/alpha, c2/alpha and 2 more");
+}
+
+// State and message of a case whose stages have ended so.
+std::pair<std::string, std::string> judged_case(const std::vector<Entry>& stages) {
+  Spec spec;
+  spec.cases.push_back({.name = "soft"});
+  Plan plan;
+  Entries entries;
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    plan.push_back(planned(fmt::format("stage{}", i), "soft"));
+    entries.push_back(stages[i]);
+  }
+  const Json one =
+      Json::parse(case_report(spec, plan, entries, Failures(plan.size()))).at("cases").at(0);
+  return {one.at("state"), one.at("message")};
+}
+
+TEST(CaseReport, TheFirstOfEquallyBadStagesIsTheReasonAndAGoodOneIsNone) {
+  using Judged = std::pair<std::string, std::string>;
+  const Entry good = ended(ExitCode::ok, "");
+  EXPECT_EQ(judged_case({good, good}), Judged("ok", ""));
+  EXPECT_EQ(judged_case({good, ended(ExitCode::gate_failed, "slivers"),
+                         ended(ExitCode::gate_failed, "too slow"), good}),
+            Judged("gates failed", "stage1: slivers"));
+}
+
+TEST(RunFolders, AStageThatIsNewInACaseTakesAsLongAsItTookInOthersOnAverage) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  Store store(folder.path() / "cache", false);
+  const Plan plan = {planned("alpha", "a"), planned("alpha", "b"), planned("alpha", "c"),
+                     planned("alpha", "d")};
+  RunFolders folders(plan, folder.path() / "out");
+  std::vector<bool> settled(plan.size(), false);
+  EXPECT_EQ(folders.seconds_left(settled), 0.0);
+  for (const std::size_t stage : {0u, 1u}) {
+    std::string held_by;
+    ASSERT_TRUE(folders.open(stage, held_by));
+    folders.lay_out(stage, ended(ExitCode::ok, "", stage == 0 ? 10.0 : 20.0), store, "");
+    settled[stage] = true;
+    folders.leave(stage);
+  }
+  EXPECT_EQ(folders.seconds_left(settled), 2 * 15.0);
+}
+
+TEST(Origin, OfParamsThoseThatWereLeftUnsetAreNotListed) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const fs::path result = folder.path() / "result.txt";
+  write_atomically(result, "a result");
+  Manifest manifest{.stage = "alpha", .params = {{"given", 5.0}, {"unset", nullptr}}};
+  manifest.param_units = {{"given", "mm"}, {"unset", "mm"}};
+  manifest.outputs = {{"result.txt", sha256("a result"), 8}};
+  write_atomically(folder.path() / "manifest.json", to_json(manifest).dump());
+  testing::internal::CaptureStdout();
+  print_origin(result);
+  const std::string text = testing::internal::GetCapturedStdout();
+  EXPECT_NE(text.find("given = 5.0 mm\n"), std::string::npos) << text;
+  EXPECT_EQ(text.find("unset"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace viscera
