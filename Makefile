@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
+        docs live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -16,8 +16,8 @@ help: ## this list
 packages: ## install what running needs of .packages and this machine lacks (Debian, Ubuntu)
 	@sh .ci/packages run
 
-all-packages: ## install all of .packages: for tests, cohorts and bundles too
-	@sh .ci/packages
+all-packages: ## install all of .packages but [docs]: for tests, cohorts and bundles too
+	@sh .ci/packages run cohort test gpu
 
 # The first of `make run` and `make build` configures; what `make build` or `make cuda` added stays.
 build/build.ninja: | packages
@@ -76,6 +76,14 @@ test: build ## every test, and why some were skipped; one kind: test-unit -prope
 TEST_KINDS = unit property verification hard cli web
 $(TEST_KINDS:%=test-%): test-%: build
 	@JOBS=$(JOBS) .ci/tests -L '^$*$$'
+
+DOCS := build/docs
+docs: programs ## the documentation site, to build/docs/site/index.html
+	@sh .ci/packages docs
+	@python3 docs/site/generate.py $(BIN) $(DOCS)/pages
+	@{ cat docs/site/Doxyfile; echo 'OUTPUT_DIRECTORY = $(DOCS)/pages'; } | doxygen -
+	@mkdocs build --quiet --strict --config-file $(DOCS)/mkdocs.yml
+	@echo $(DOCS)/site/index.html
 
 # The demo's stages by hand, each on the files of the one before, with the settings of
 # configs/demo.yaml. A missing input is made first.
