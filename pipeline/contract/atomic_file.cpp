@@ -67,7 +67,8 @@ std::string read_file(const fs::path& path) {
 TemporaryFolder::TemporaryFolder(const fs::path& parent) {
   std::error_code failure;
   for (fs::path folder = fs::absolute(parent).lexically_normal();
-       !fs::exists(folder, failure) && folder.has_relative_path(); folder = folder.parent_path()) {
+       !fs::exists(fs::symlink_status(folder, failure)) && folder.has_relative_path();
+       folder = folder.parent_path()) {
     if (folder.has_filename()) made_.push_back(folder);
   }
   fs::create_directories(parent, failure);

@@ -67,6 +67,7 @@ TEST(TemporaryFolder, AParentThatCannotBeMadeIsRefusedWithTheReason) {
     EXPECT_EQ(e.problem().where, parent.string());
     EXPECT_EQ(e.problem().found, "cannot be written: " + reason.message());
   }
+  EXPECT_TRUE(fs::is_symlink(parent)) << "the link of the user is gone";
 }
 
 TEST(Digest, Sha256MatchesThePublishedVector) {

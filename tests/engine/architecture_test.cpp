@@ -88,7 +88,7 @@ std::vector<std::string> may_include(const std::string& file) {
   const std::string mesh = "stages/tetmesh/";
   for (const std::string folder : {"generate/", "quality/", "exchange/", "improve/"}) {
     if (!file.starts_with(mesh + folder)) continue;
-    std::vector<std::string> may = {mesh + folder, "stages/common/", "pipeline/contract/"};
+    std::vector<std::string> may = {mesh + folder, "stages/common/", "sim/", "pipeline/contract/"};
     if (folder == "exchange/") may.push_back(mesh + "quality/");
     if (folder == "improve/") may.insert(may.end(), {mesh + "generate/", mesh + "quality/"});
     return may;
