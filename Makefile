@@ -81,6 +81,8 @@ DOCS := build/docs
 docs: programs ## the documentation site, to build/docs/site/index.html
 	@sh .ci/packages docs
 	@python3 docs/site/generate.py $(BIN) $(DOCS)/pages
+	@cp docs/site/CMakeGraphVizOptions.cmake build && cmake --graphviz=$(DOCS)/targets.dot -S . -B build >/dev/null 2>&1
+	@docs/site/draw-targets $(DOCS)/targets.dot >$(DOCS)/pages/targets.svg
 	@{ cat docs/site/Doxyfile; echo 'OUTPUT_DIRECTORY = $(DOCS)/pages'; } | doxygen -
 	@mkdocs build --quiet --strict --config-file $(DOCS)/mkdocs.yml
 	@echo $(DOCS)/site/index.html
