@@ -59,8 +59,9 @@ TEST_F(Live, APausedSessionStepsFrameByFrameAndADragShowsInTheFirst) {
 }
 
 TEST_F(Live, ASessionKeepsRealTimeAndClosesMidRun) {
-  Session session(make_world(), {.paced = true});
-  const auto begin = std::chrono::steady_clock::now();
+  auto world = make_world();
+  const auto begin = std::chrono::steady_clock::now();  // before the session's thread may start
+  Session session(std::move(world), {.paced = true});
   wait_for_frame(session, 12);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   EXPECT_GT(took.count(), 11.0 / 60.0);
