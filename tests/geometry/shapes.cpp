@@ -55,50 +55,15 @@ TetMesh shaken_cube(int n, double shake, unsigned seed) {
   return mesh;
 }
 
-TetMesh ball_around_a_point(bool first, double middle) {
-  TetMesh mesh{.points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
-  std::vector<std::array<int, 3>> shell = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4},
-                                           {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
-  for (int round = 0; round < 2; ++round) {
-    std::map<std::array<int, 2>, int> middles;
-    const auto between = [&](int a, int b) {
-      const auto [entry, fresh] = middles.try_emplace({std::min(a, b), std::max(a, b)},
-                                                      static_cast<int>(mesh.points.size()));
-      if (fresh) {
-        const Vec sum = add(mesh.points[a], mesh.points[b]);
-        mesh.points.push_back(scale(1.0 / norm(sum), sum));
-      }
-      return entry->second;
-    };
-    std::vector<std::array<int, 3>> finer;
-    for (const auto& t : shell) {
-      const int ab = between(t[0], t[1]), bc = between(t[1], t[2]), ca = between(t[2], t[0]);
-      finer.insert(finer.end(), {{t[0], ab, ca}, {t[1], bc, ab}, {t[2], ca, bc}, {ab, bc, ca}});
-    }
-    shell = finer;
-  }
-  const int centre = first ? 0 : static_cast<int>(mesh.points.size());
-  mesh.points.insert(mesh.points.begin() + centre, {0, 0, 0});
-  for (const auto& [a, b, c] : shell)
-    mesh.tets.push_back({a + first, b + first, c + first, centre});
-  for (auto& tet : mesh.tets) {
-    const auto& [a, b, c, d] = tet;
-    const auto& p = mesh.points;
-    if (dot(sub(p[b], p[a]), cross(sub(p[c], p[a]), sub(p[d], p[a]))) < 0.0)
-      std::swap(tet[0], tet[1]);
-    const double z = mesh.points[a][2] + mesh.points[b][2] + mesh.points[c][2];
-    mesh.labels.push_back(0.25 * z > middle ? 2 : 1);
-  }
-  return mesh;
-}
+namespace {
 
-SurfaceMesh ball_surface(double radius) {
+// An octahedron whose triangles are cut in four and blown up to the unit sphere `rounds` times.
+SurfaceMesh unit_sphere(int rounds) {
   SurfaceMesh ball{
       .points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
-      .triangles =
-          {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}},
-      .label_names = {{3, "kidney"}}};
-  for (int round = 0; round < 4; ++round) {
+      .triangles = {
+          {0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}}};
+  for (int round = 0; round < rounds; ++round) {
     std::map<std::array<int, 2>, int> middles;
     const auto middle = [&](int a, int b) {
       const auto [entry, fresh] = middles.try_emplace({std::min(a, b), std::max(a, b)},
@@ -119,6 +84,32 @@ SurfaceMesh ball_surface(double radius) {
     }
     ball.triangles = finer;
   }
+  return ball;
+}
+
+}  // namespace
+
+TetMesh ball_around_a_point(bool first, double middle) {
+  const SurfaceMesh shell = unit_sphere(2);
+  TetMesh mesh{.points = shell.points};
+  const int centre = first ? 0 : static_cast<int>(mesh.points.size());
+  mesh.points.insert(mesh.points.begin() + centre, {0, 0, 0});
+  for (const auto& [a, b, c] : shell.triangles)
+    mesh.tets.push_back({a + first, b + first, c + first, centre});
+  for (auto& tet : mesh.tets) {
+    const auto& [a, b, c, d] = tet;
+    const auto& p = mesh.points;
+    if (dot(sub(p[b], p[a]), cross(sub(p[c], p[a]), sub(p[d], p[a]))) < 0.0)
+      std::swap(tet[0], tet[1]);
+    const double z = mesh.points[a][2] + mesh.points[b][2] + mesh.points[c][2];
+    mesh.labels.push_back(0.25 * z > middle ? 2 : 1);
+  }
+  return mesh;
+}
+
+SurfaceMesh ball_surface(double radius) {
+  SurfaceMesh ball = unit_sphere(4);
+  ball.label_names = {{3, "kidney"}};
   for (auto& p : ball.points)
     for (double& x : p) x *= radius;
   ball.labels.assign(ball.triangles.size(), 3);
