@@ -29,16 +29,23 @@ void evaluate_element(const typename Effect::template Rest<double>& rest, const 
   }
 }
 
+// How many numbers the elements of all effects with a history among `effects` remember.
+template <class Slots>
+std::size_t remembered_by(const Slots& effects) {
+  std::size_t numbers = 0;
+  for_each_slot<EffectKind::element>(effects, [&]<class Effect>(const auto& effect) {
+    numbers += effect.vertices.size() * memory_of<Effect>;
+  });
+  return numbers;
+}
+
 // What the elements of all effects with a history among `effects` remember in a state, effect after
 // effect; none of a solver that keeps no history, as quasi-static ones do. What else a solver
 // remembers, as of nodes within edges, stands before it.
 template <class Slots>
 std::optional<std::span<const double>> memory_of_elements(const Slots& effects,
                                                           const State& state) {
-  std::size_t remembered = 0;
-  for_each_slot<EffectKind::element>(effects, [&]<class Effect>(const auto& effect) {
-    remembered += effect.vertices.size() * memory_of<Effect>;
-  });
+  const std::size_t remembered = remembered_by(effects);
   if (state.memory.size() < remembered) return std::nullopt;
   return std::span<const double>(state.memory).last(remembered);
 }

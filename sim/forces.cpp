@@ -26,16 +26,13 @@ std::vector<Vec3<double>> element_forces(const Model& model, const Scene& scene,
       }
     }
   });
-  std::size_t numbers = 0;
-  for_each_slot<EffectKind::element>(on, [&]<class Effect>(const auto& effect) {
-    numbers += effect.vertices.size() * memory_of<Effect>;
-  });
-  const std::vector<double> virgin(state.memory.empty() ? numbers : 0);
-  const auto remembered = memory_of_elements(on, state);
-  if (!remembered && virgin.size() < numbers) {
+  State known{.memory = state.memory};
+  if (known.memory.empty()) known.memory.resize(remembered_by(on));  // a virgin material
+  const auto remembered = memory_of_elements(on, known);
+  if (!remembered) {
     throw std::invalid_argument("element_forces: a state with the history of other elements");
   }
-  std::span<const double> memory = remembered.value_or(std::span<const double>(virgin));
+  auto memory = *remembered;
   VertexField forces(model.vertex_count());
   for_each_slot<EffectKind::element>(on, [&]<class Effect>(const auto& effect) {
     add_forces<Effect>(effect, memory, state.u, {}, forces);
