@@ -60,41 +60,41 @@ std::vector<Include> all_includes() {
   return all;
 }
 
-// What a file may include from this repository, by the room it stands in.
+struct Room {
+  std::string folder;
+  std::vector<std::string> may;  // include, besides itself
+};
+
+// What a file may include from this repository: the first folder that it stands in counts.
 std::vector<std::string> may_include(const std::string& file) {
-  if (file.starts_with("pipeline/contract/")) return {"pipeline/contract/"};
-  if (file.starts_with("pipeline/engine/")) {
-    std::vector<std::string> own = {"pipeline/contract/"};
-    for (const std::string folder : {"spec/", "store/", "programs/", "plan/", "run/"}) {
-      const bool last = file.starts_with("pipeline/engine/" + folder);
-      // The store knows nothing of specs.
-      const bool skipped = folder == "spec/" && (file.starts_with("pipeline/engine/store/") ||
-                                                 file.starts_with("pipeline/engine/programs/"));
-      if (!skipped) own.push_back("pipeline/engine/" + folder);
-      if (last) break;
-    }
-    return own;
-  }
-  if (file.starts_with("pipeline/schema/")) return {"pipeline/contract/", "pipeline/schema/"};
-  if (file.starts_with("pipeline/")) return {"pipeline/"};
-  if (file.starts_with("sim/")) return {"sim/"};
-  if (file.starts_with("sample_data/")) {
-    return {"sample_data/", "stages/common/", "pipeline/contract/"};
-  }
-  if (file.starts_with("stages/common/")) return {"stages/common/", "sim/", "pipeline/contract/"};
-  if (file.starts_with("stages/live/")) {  // a tool on the stage's library
-    return {"stages/live/", "stages/simulate/", "stages/common/", "sim/", "pipeline/contract/"};
-  }
-  const std::string mesh = "stages/tetmesh/";
-  for (const std::string folder : {"generate/", "quality/", "exchange/", "improve/"}) {
-    if (!file.starts_with(mesh + folder)) continue;
-    std::vector<std::string> may = {mesh + folder, "stages/common/", "sim/", "pipeline/contract/"};
-    if (folder == "exchange/") may.push_back(mesh + "quality/");
-    if (folder == "improve/") may.insert(may.end(), {mesh + "generate/", mesh + "quality/"});
+  const std::string contract = "pipeline/contract/", engine = "pipeline/engine/",
+                    common = "stages/common/", tets = "stages/tetmesh/";
+  static const std::vector<Room> rooms = {
+      {contract, {}},
+      {engine + "spec/", {contract}},
+      {engine + "store/", {contract}},
+      {engine + "programs/", {contract, engine + "store/"}},
+      {engine + "plan/", {contract, engine + "spec/", engine + "store/", engine + "programs/"}},
+      {engine + "run/",
+       {contract, engine + "spec/", engine + "store/", engine + "programs/", engine + "plan/"}},
+      {"pipeline/schema/", {contract}},
+      {"pipeline/", {}},
+      {"sim/", {}},
+      {"sample_data/", {common, contract}},
+      {common, {"sim/", contract}},
+      {"stages/live/", {"stages/simulate/", common, "sim/", contract}},  // a tool on its library
+      {tets + "generate/", {common, "sim/", contract}},
+      {tets + "quality/", {common, "sim/", contract}},
+      {tets + "exchange/", {tets + "quality/", common, "sim/", contract}},
+      {tets + "improve/", {tets + "generate/", tets + "quality/", common, "sim/", contract}}};
+  for (const Room& room : rooms) {
+    if (!file.starts_with(room.folder)) continue;
+    std::vector<std::string> may = room.may;
+    may.push_back(room.folder);
     return may;
   }
   const auto end = file.find('/', std::string("stages/").size());
-  return {file.substr(0, end + 1), "stages/common/", "sim/", "pipeline/contract/"};
+  return {file.substr(0, end + 1), common, "sim/", contract};
 }
 
 // Libraries that a file of sim/ may use; elsewhere any library is a matter of CMake.
