@@ -36,12 +36,20 @@ const std::set<std::string> left_out = {"sim/backend/pace.hpp",      "sim/backen
                                         "sim/backend/banks.hpp",     "pipeline/contract/log.cpp",
                                         "pipeline/contract/log.hpp", "sim/backend/no_cuda.cpp"};
 
+// The innermost that a file stands in; "" for none.
+std::string group_of(const std::string& file) {
+  std::string innermost;
+  for (const Group& group : groups) {
+    if (file.starts_with(group.name + "/") && group.name.size() > innermost.size()) {
+      innermost = group.name;
+    }
+  }
+  return innermost;
+}
+
 bool belongs(const Group& group, const fs::path& file) {
   const std::string name = file.filename().string();
-  const fs::path folder = file.parent_path();
-  const bool inside = folder == group.name ||
-                      (group.name == "pipeline/engine" && folder.parent_path() == group.name);
-  if (left_out.count(file.string()) || !inside) return false;
+  if (left_out.count(file.string()) || group_of(file.string()) != group.name) return false;
   if (file.extension() != ".cpp" && file.extension() != ".hpp") return false;
   if (name.find("cuda") != std::string::npos) return false;  // for a GPU alone
   return group.name != "stages/tetmesh/improve" || name.starts_with("improve") ||
@@ -67,10 +75,6 @@ class Chosen {
   }
   std::vector<Mutant> mutants;
 };
-
-std::string group_of(const std::string& file) {
-  return fs::path(file).parent_path().string();
-}
 
 // Lines of the list by hand: file, kind, what stands there, what takes its place, with tabs
 // between.
