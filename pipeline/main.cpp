@@ -4,8 +4,8 @@
 #include <iostream>
 #include <new>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/engine/programs/catalog.hpp"
 #include "pipeline/engine/run/inspect.hpp"
 #include "pipeline/engine/store/upkeep.hpp"

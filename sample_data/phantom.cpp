@@ -8,7 +8,7 @@
 #include <iostream>
 
 #include "sample_data/phantom_grid.hpp"
-#include "stages/common/image_io.hpp"
+#include "stages/image/image_io.hpp"
 
 int main(int argc, char** argv) {
   const int finer = argc == 3 ? std::atoi(argv[2]) : 1;

@@ -2,7 +2,7 @@
 // enough that no label touches its border.
 #pragma once
 
-#include "stages/common/label_image.hpp"
+#include "stages/image/label_image.hpp"
 
 namespace viscera::phantom {
 

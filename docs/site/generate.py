@@ -184,7 +184,7 @@ def stage_page(stage):
 # Name, unit (of a word: its choices), bounds (of numbers) and what it is.
 FIELD = re.compile(r'Field\{\s*"(\w+)",\s*"([^"]*)",\s*&\w+::\w+,\s*'
                    r'(?:([^",]+),\s*([^",]+),\s*)?((?:"[^"]*"\s*)+)\}')
-SHARED = ["sim/effects/contact.hpp", "sim/selection.hpp", "sim/effects/colliders.hpp"]
+SHARED = ["sim/effects/contact.hpp", "sim/model/selection.hpp", "sim/effects/colliders.hpp"]
 
 
 def block_of(text, name):
@@ -271,7 +271,7 @@ def effect_page(name, names, page, tests):
     for test in named:
         if test not in tests:
             refuse(f"{page} names the test {test}, which is not there")
-    header = next(path for path in sorted((ROOT / "sim/effects").glob("*.hpp"))
+    header = next(path for path in sorted((ROOT / "sim/effects").rglob("*.hpp"))
                   if f'name = "{name}"' in path.read_text(encoding="utf-8"))
     header = header.relative_to(ROOT).as_posix()
     source = read(header)

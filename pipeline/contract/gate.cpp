@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/json_value.hpp"
 
 namespace viscera {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 
 namespace viscera {
 

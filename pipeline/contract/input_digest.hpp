@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/digest.hpp"
+#include "pipeline/base/digest.hpp"
 #include "pipeline/contract/manifest.hpp"
 
 namespace viscera {

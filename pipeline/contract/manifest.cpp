@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/json_value.hpp"
 
 namespace viscera {
 namespace {

@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
-#include "pipeline/contract/exit_code.hpp"
+#include "pipeline/base/exit_code.hpp"
+#include "pipeline/base/param.hpp"
 #include "pipeline/contract/gate.hpp"
-#include "pipeline/contract/param.hpp"
 
 namespace viscera {
 

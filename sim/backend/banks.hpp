@@ -28,7 +28,7 @@ template <int arity>
 class Banks {
  public:
   using Element = std::array<int, arity>;
-  static constexpr int most_lanes = 8;
+  static constexpr int max_lanes = 8;
 
   Banks(std::span<const Element> elements, int lanes) : lanes_(lanes) {
     for (const Element& rows : elements) {
@@ -74,11 +74,11 @@ class Banks {
     for (int begin = 0; begin < all; begin += lanes_) {
       const int count = std::min(all - begin, lanes_);
       Turns turns;
-      std::array<int, most_lanes> met{};
+      std::array<int, max_lanes> met{};
       for (int lane = 0; lane < count; ++lane) {
         for (int i = 0; i < arity; ++i) {
           const int bank = bank_[order[begin + lane]][i];
-          turns.add(lane, i, bank + most_lanes * (met[bank]++ / arity));
+          turns.add(lane, i, bank + max_lanes * (met[bank]++ / arity));
         }
       }
       for (int lane = 0; lane < count; ++lane) {
@@ -88,7 +88,7 @@ class Banks {
   }
 
  private:
-  using Wanted = std::array<int, most_lanes>;  // rows of each bank by a group
+  using Wanted = std::array<int, max_lanes>;  // rows of each bank by a group
 
   // How far the squares of what a bank is wanted beyond `arity` change, when an element comes or
   // goes.
@@ -114,8 +114,8 @@ class Banks {
 
   // A colouring that grows edge by edge.
   struct Turns {
-    std::array<std::array<int, arity>, most_lanes> vertex, bank;       // [lanes] in a role, or -1
-    std::array<std::array<int, arity>, most_lanes * most_lanes> lane;  // [banks] likewise
+    std::array<std::array<int, arity>, max_lanes> vertex, bank;      // [lanes] in a role, or -1
+    std::array<std::array<int, arity>, max_lanes * max_lanes> lane;  // [banks] likewise
 
     Turns() {
       for (auto& all : vertex) all.fill(-1);

@@ -1,47 +1,48 @@
 // A run cut into blocks that are solved side by side, each by a team of lanes (a CUDA thread block)
-// on its own copies of the vertices it touches; after a sweep the copies of a vertex are averaged
-// (partition.hpp). Made on the host, laid out as a device reads it.
+// on its own replicas of the vertices it touches; after a sweep the replicas of a vertex are
+// averaged (partition.hpp). Made on the host, laid out as a device reads it.
 #pragma once
 
 #include <climits>
 #include <map>
 
 #include "sim/backend/banks.hpp"
-#include "sim/coloring.hpp"
-#include "sim/parallel.hpp"
-#include "sim/partition.hpp"
-#include "sim/row.hpp"
-#include "sim/solvers/linearized.hpp"
-#include "sim/solvers/program.hpp"
-#include "sim/stability.hpp"
+#include "sim/base/parallel.hpp"
+#include "sim/base/row.hpp"
+#include "sim/measures/stability.hpp"
+#include "sim/model/coloring.hpp"
+#include "sim/model/partition.hpp"
+#include "sim/solvers/xpbd/linearized.hpp"
+#include "sim/solvers/xpbd/program.hpp"
 
 namespace viscera::sim {
 
 inline constexpr std::size_t bank_bytes = 128;  // that shared memory serves at once
 
-// The lanes that sweep, how many elements of an effect a copy of a vertex meets at most, how many
-// are of one colour, whether elements may be linearised before a sweep, and whether the block is
-// the whole body. Only the middle three decide on results: colours wider than the lanes are cut.
+// The lanes that sweep, how many elements of an effect a replica of a vertex meets at most, how
+// many are of one colour, whether elements may be linearised before a sweep, and whether the block
+// is the whole body. Only the middle three decide on results: colours wider than the lanes are cut.
 // Measured (docs/results/cuda.md): where a phase costs its latency, few phases matter, and one warp
 // needs no barrier but its own; where blocks are large it costs its arithmetic. In a whole body a
 // vertex is split only where it meets more elements than there are phases anyway.
 inline constexpr int one_warp = 32;
 struct BlockTeam {
-  int lanes, most_elements;
-  int most_in_color = lanes;
+  int lanes, max_elements;
+  int max_in_color = lanes;
   bool linearizes = true;
-  bool whole = false;
+  bool single_block = false;
 };
 inline BlockTeam team_for(int tets_per_block, int tets) {
   if (tets_per_block <= 640) return {one_warp, 16};
   if (tets_per_block <= 2500) return {128, 16, 128, false};
   constexpr int lanes = 256, least = 20;
-  const bool whole = tets_per_block >= tets;
-  if (whole) return {lanes, std::max(least, (tets + lanes - 1) / lanes), lanes, false, whole};
+  const bool single_block = tets_per_block >= tets;
+  if (single_block)
+    return {lanes, std::max(least, (tets + lanes - 1) / lanes), lanes, false, single_block};
   return {512, 20, 512, false};
 }
 
-// An element's vertices, counted from its block's first copy; aligned to be copied at once.
+// An element's vertices, counted from its block's first replica; aligned to be copied at once.
 template <int arity>
 struct alignas(arity > 2 ? 8 : 4) LocalVertices {
   static constexpr int bits = 16;
@@ -49,7 +50,9 @@ struct alignas(arity > 2 ? 8 : 4) LocalVertices {
   SIM_HD int operator[](int i) const {
     return static_cast<int>(pairs[i / 2] >> (i % 2 * bits) & 0xffffu);
   }
-  void set(int i, int copy) { pairs[i / 2] |= static_cast<std::uint32_t>(copy) << (i % 2 * bits); }
+  void set(int i, int replica) {
+    pairs[i / 2] |= static_cast<std::uint32_t>(replica) << (i % 2 * bits);
+  }
 };
 
 // Constant data of an element, likewise.
@@ -111,11 +114,11 @@ struct BlockElements : Placement<Effect::arity> {
 
   Range phases_of(int block) const { return {block_phase[block], block_phase[block + 1]}; }
   // Of the fullest block.
-  int most_elements() const {
+  int max_elements() const {
     return most(
         [this](Range phases) { return phase_begin[phases.end] - phase_begin[phases.begin]; });
   }
-  int most_phases() const {
+  int max_phases() const {
     return most([](Range phases) { return phases.end - phases.begin; });
   }
 
@@ -130,12 +133,12 @@ struct BlockElements : Placement<Effect::arity> {
   }
 };
 
-// A vertex as one block has it: one or several copies, each with its share of the mass.
+// A vertex as one block has it: one or several replicas, each with its share of the mass.
 struct LocalVertex {
   int vertex;
-  Range copies;  // counted from the block's first
+  Range replicas;  // counted from the block's first
 };
-struct CopyRange {  // the same as a device has it
+struct ReplicaRange {  // the same as a device has it
   std::uint16_t begin, count;
 };
 
@@ -144,32 +147,32 @@ template <class T>
 struct LocalConstants {
   std::vector<Vec3<T>> rest;    // m
   std::vector<T> inverse_mass;  // 1/kg, the vertex's
-  std::vector<T> mobility;      // s2/kg, of a copy
-  std::vector<T> share;         // of a copy in the average over all of the vertex
-  std::vector<CopyRange> copies;
+  std::vector<T> mobility;      // s2/kg, of a replica
+  std::vector<T> share;         // of a replica in the average over all of the vertex
+  std::vector<ReplicaRange> replicas;
   std::vector<int> leader;  // which motion effect leads it, or -1; empty where there is none
 };
 
 class BlockLayout {
  public:
-  // A busy vertex has several copies in one block, none of which meets more than team.most_elements
-  // of an effect, since every element that a copy meets is a phase of its own.
+  // A busy vertex has several replicas in one block, none of which meets more than
+  // team.max_elements of an effect, since every element that a replica meets is a phase of its own.
   template <class T>
   BlockLayout(const Model& model, const Program<T>& program, int tets_per_block, BlockTeam team)
       : blocks_(model, tets_per_block), split_(blocks_.count(), model.vertex_count()), team_(team) {
     std::vector<char> touched(model.vertex_count());
     std::vector<std::map<int, int>> parts(block_count());  // of the vertices with more than one
     for_each_slot<EffectKind::element>(program.effects, [&]<class Effect>(const auto& effect) {
-      Meetings meetings(model.vertex_count());
+      ElementCounts counts(model.vertex_count());
       const auto members = members_of(effect);
       for (int block = 0; block < block_count(); ++block) {
-        meetings.count(effect, members[block]);
-        for (const int v : meetings.vertices) {
+        counts.count(effect, members[block]);
+        for (const int v : counts.vertices) {
           touched[v] = 1;
-          const int wanted = parts_of(meetings.of[v]);
+          const int wanted = parts_of(counts.of[v]);
           if (wanted > 1) parts[block][v] = std::max(parts[block][v], wanted);
         }
-        split_.touch(block, meetings.vertices);
+        split_.touch(block, counts.vertices);
       }
     });
     for (int block = 0; block < block_count(); ++block) {
@@ -181,17 +184,17 @@ class BlockLayout {
       const std::array<int, 1> alone{v};
       if (!touched[v]) split_.touch(blocks_.block_of(alone), alone);
     }
-    split_.number_copies();
+    split_.number_replicas();
     number_locals();
   }
 
   int block_count() const { return blocks_.count(); }
   const BlockTeam& team() const { return team_; }
   const SplitVertices& split() const { return split_; }
-  std::span<const int> copies_of(int vertex) const { return split_.copies_of(vertex); }
-  Range copies_in(int block) const { return split_.range_of({block, block + 1}); }
+  std::span<const int> replicas_of(int vertex) const { return split_.replicas_of(vertex); }
+  Range replicas_in(int block) const { return split_.range_of({block, block + 1}); }
   // Those of vertices with several, here or elsewhere: the first of the block's.
-  Range several_in(int block) const { return split_.several_in(block); }
+  Range replicated_in(int block) const { return split_.replicated_in(block); }
 
   // Block by block; in a block first those that others have too.
   std::span<const LocalVertex> locals() const { return locals_; }
@@ -207,9 +210,9 @@ class BlockLayout {
       result.rest.push_back(program.rest[local.vertex]);
       result.inverse_mass.push_back(program.inverse_mass[local.vertex]);
       result.mobility.push_back(mobility_of(program, local.vertex));
-      result.share.push_back(T(1) / static_cast<T>(copies_of(local.vertex).size()));
-      const auto [begin, end] = local.copies;
-      result.copies.push_back(
+      result.share.push_back(T(1) / static_cast<T>(replicas_of(local.vertex).size()));
+      const auto [begin, end] = local.replicas;
+      result.replicas.push_back(
           {static_cast<std::uint16_t>(begin), static_cast<std::uint16_t>(end - begin)});
     }
     int motions = 0;
@@ -229,10 +232,10 @@ class BlockLayout {
     const auto members = members_of(effect);
     std::vector<BlockElements<Effect, T>> blocks(block_count());
     parallel_ranges(blocks.size(), [&](std::size_t begin, std::size_t end) {
-      Meetings meetings(split_.vertex_count());
+      ElementCounts counts(split_.vertex_count());
       for (std::size_t block = begin; block < end; ++block) {
-        meetings.count(effect, members[block]);
-        append(effect, static_cast<int>(block), members[block], meetings, blocks[block]);
+        counts.count(effect, members[block]);
+        append(effect, static_cast<int>(block), members[block], counts, blocks[block]);
       }
     });
     BlockElements<Effect, T> result;
@@ -241,13 +244,14 @@ class BlockLayout {
     return result;
   }
 
-  // Whether to linearise elements before a sweep (solvers/linearized.hpp): unless that would soften
-  // the body, and the step is one that elements evaluated anew bear. `cs` is that of stability.hpp.
+  // Whether to linearise elements before a sweep (solvers/xpbd/linearized.hpp): unless that would
+  // soften the body, and the step is one that elements evaluated anew bear. `cs` is that of
+  // stability.hpp.
   template <class Effect, class T>
   bool linearizes(const Prepared<Effect, T>& effect, const Program<T>& program, double cs) const {
     if (!team_.linearizes) return false;
     if (cs > cs_limit) return true;
-    double softening = 0.0, whole = 0.0;
+    double softening = 0.0, total = 0.0;
     if constexpr (is_eliminated<Effect>) {
       for (std::size_t e = 0; e < effect.rest.size(); ++e) {
         T mobility[Effect::arity];
@@ -255,10 +259,10 @@ class BlockLayout {
         const double volume = Eliminated<Effect>::volume(effect.rest[e]);
         softening +=
             volume * (1.0 / Eliminated<Effect>::relaxation(effect.rest[e], mobility) - 1.0);
-        whole += volume;
+        total += volume;
       }
     }
-    return softening <= most_softening * whole;
+    return softening <= max_softening * total;
   }
 
   // Constant data of the elements as they are placed.
@@ -272,8 +276,8 @@ class BlockLayout {
       all.push_back({effect.rest[element]});
       auto& rest = all.back().rest;
       if constexpr (requires { Effect::lighten(rest, T(1)); }) {
-        std::size_t most = 1;  // copies
-        for (const int v : effect.vertices[element]) most = std::max(most, copies_of(v).size());
+        std::size_t most = 1;  // replicas
+        for (const int v : effect.vertices[element]) most = std::max(most, replicas_of(v).size());
         Effect::lighten(rest, static_cast<T>(most));
       }
       if constexpr (is_eliminated<Effect>) {
@@ -291,11 +295,11 @@ class BlockLayout {
   }
 
  private:
-  // Of each copy of a vertex, s2/kg.
+  // Of each replica of a vertex, s2/kg.
   template <class T>
   T mobility_of(const Program<T>& program, int vertex) const {
     const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
-    return static_cast<T>(copies_of(vertex).size()) * program.inverse_mass[vertex] * dt2;
+    return static_cast<T>(replicas_of(vertex).size()) * program.inverse_mass[vertex] * dt2;
   }
   template <class T, std::size_t arity>
   void mobilities(const Program<T>& program, const std::array<int, arity>& vertices,
@@ -304,11 +308,11 @@ class BlockLayout {
   }
 
   // How many elements of a block each vertex belongs to.
-  struct Meetings {
+  struct ElementCounts {
     std::vector<int> of, so_far;  // [vertices]
     std::vector<int> vertices;    // of the block
 
-    explicit Meetings(std::size_t vertex_count) : of(vertex_count), so_far(vertex_count) {}
+    explicit ElementCounts(std::size_t vertex_count) : of(vertex_count), so_far(vertex_count) {}
 
     template <class Prepared>
     void count(const Prepared& effect, const std::vector<int>& elements) {
@@ -333,20 +337,20 @@ class BlockLayout {
 
   template <class Effect, class T>
   void append(const Prepared<Effect, T>& effect, int block, const std::vector<int>& members,
-              Meetings& meetings, BlockElements<Effect, T>& to) const {
+              ElementCounts& counts, BlockElements<Effect, T>& to) const {
     constexpr int arity = Effect::arity;
-    const Range copies = copies_in(block);
+    const Range replicas = replicas_in(block);
     std::vector<std::array<int, arity>> local;
     for (const int e : members) {
       auto& element = local.emplace_back(effect.vertices[e]);
       for (int& v : element) {
-        // Elements follow one another in space, so each copy has a sector of its vertex.
-        const int part = meetings.so_far[v]++ * parts_of(meetings.of[v]) / meetings.of[v];
-        v = split_.copy_of(block, v) + part - copies.begin;
+        // Elements follow one another in space, so each replica has a sector of its vertex.
+        const int part = counts.so_far[v]++ * parts_of(counts.of[v]) / counts.of[v];
+        v = split_.replica_of(block, v) + part - replicas.begin;
       }
     }
     Coloring coloring = color_with_few<arity>(std::span<const std::array<int, arity>>(local),
-                                              copies.end - copies.begin, team_.most_in_color);
+                                              replicas.end - replicas.begin, team_.max_in_color);
     const Banks<arity> banks(local, bank_bytes / static_cast<int>(sizeof(Row<T>)));
     for (int color = 0; color < coloring.color_count(); ++color) {
       const auto of_color = coloring.of_color(color);
@@ -372,13 +376,13 @@ class BlockLayout {
   void number_locals() {
     locals_of_.resize(split_.vertex_count());
     for (int block = 0; block < block_count(); ++block) {
-      const Range all = copies_in(block);
+      const Range all = replicas_in(block);
       std::vector<LocalVertex> shared, inner;
       for (int first = all.begin, end = first; first < all.end; first = end) {
         const int vertex = split_.vertex_of(first);
         while (end < all.end && split_.vertex_of(end) == vertex) ++end;
-        const bool whole = static_cast<int>(copies_of(vertex).size()) == end - first;
-        (whole ? inner : shared).push_back({vertex, {first - all.begin, end - all.begin}});
+        const bool is_inner = static_cast<int>(replicas_of(vertex).size()) == end - first;
+        (is_inner ? inner : shared).push_back({vertex, {first - all.begin, end - all.begin}});
       }
       local_begin_.push_back(static_cast<int>(locals_.size()));
       locals_.insert(locals_.end(), shared.begin(), shared.end());
@@ -391,8 +395,8 @@ class BlockLayout {
     }
   }
 
-  int parts_of(int meetings) const {
-    return (meetings + team_.most_elements - 1) / team_.most_elements;
+  int parts_of(int elements) const {
+    return (elements + team_.max_elements - 1) / team_.max_elements;
   }
 
   Blocks blocks_;

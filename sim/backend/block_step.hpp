@@ -5,8 +5,8 @@
 
 #include "sim/backend/block_layout.hpp"
 #include "sim/backend/planes.hpp"
-#include "sim/row.hpp"
-#include "sim/solvers/linearized.hpp"
+#include "sim/base/row.hpp"
+#include "sim/solvers/xpbd/linearized.hpp"
 
 namespace viscera::sim {
 
@@ -22,10 +22,10 @@ struct BlockView<Effect, T, EffectKind::element> {
   // From the block's first element on.
   const Local* vertices;
   PlanesView<Rest> rest;
-  T* memory;
+  T* history;
   const int* phase_begin;  // [phases + 1] first element
   int phases;
-  int close;  // where a device keeps `rest` and `vertices` in shared memory, bytes; -1: nowhere
+  int resident;  // where a device keeps `rest` and `vertices` in shared memory, bytes; -1: nowhere
   bool linearizes;
 };
 template <class Effect, class T>
@@ -41,10 +41,10 @@ struct EffectView<Effect, T, EffectKind::element> {
   using Block = BlockView<Effect, T>;
   const typename Block::Local* vertices;
   PlanesView<typename Block::Rest> rest;
-  T* memory;
+  T* history;
   const int* phase_begin;
   const int* block_phase;  // [blocks + 1] first phase
-  int close;
+  int resident;
   bool linearizes;
 };
 
@@ -66,9 +66,9 @@ SIM_HD int* view_of_block(const EffectView<Effect, T>& all, int block, int lane,
       table[p] = all.phase_begin[phase + (p < phases ? p : phases)] - first;
     }
     if (lane == 0) {
-      T* const memory = all.memory + static_cast<std::size_t>(first) * memory_of<Effect>;
-      view = {all.vertices + first, all.rest.from(first), memory, table, phases, all.close,
-              all.linearizes};
+      T* const history = all.history + static_cast<std::size_t>(first) * history_of<Effect>;
+      view = {all.vertices + first, all.rest.from(first), history, table, phases,
+              all.resident,         all.linearizes};
     }
     return table + phases + phases_ahead;
   } else {
@@ -137,7 +137,7 @@ SIM_HD bool has_pass(const BlockScene<T>& scene) {
 
 // The element effects of a substep: sweep.template operator()<Effect>(view) for those of one pass
 // after the other. Rate forces act on dt v alone; then load() gives the vertices what forces,
-// motions and contacts do to them. After the other forces offset() gives the copies of a vertex
+// motions and contacts do to them. After the other forces offset() gives the replicas of a vertex
 // what they carry, which strains an element as no motion does. Where a scene has none of a pass,
 // what would follow it has been done before.
 template <EffectSet set = all_effects, class T, class Sweep, class Load, class Offset>
@@ -159,20 +159,20 @@ constexpr void sweep_in_order(const BlockScene<T>& scene, Sweep&& sweep, Load&& 
   sweep_pass.template operator()<ElementPass::constraints>();
 }
 
-// A block's vertices. Their copies differ while elements are solved, and only in d.
+// A block's vertices. Their replicas differ while elements are solved, and only in d.
 template <class T>
 struct BlockVertices {
-  Row<T>* u;                // [copies] m, and the vertex's inverse mass, 1/kg
-  Row<T>* d;                // [copies] m over the substep, and the copy's mobility, s2/kg
-  Vec3<T>* carried;         // [several] m (partition.hpp)
-  Vec3<T>* v;               // [count] m/s at the start of the substep
-  Vec3<T>* corrections;     // [contacts * count] m, 0: not in contact
-  const Vec3<T>* rest;      // [count] m
-  const CopyRange* copies;  // [count]
-  const T* share;           // [count] of a copy in the average
-  const int* leader;        // [count] which motion effect leads the vertex, or -1; null: none does
+  Row<T>* u;                     // [replicas] m, and the vertex's inverse mass, 1/kg
+  Row<T>* d;                     // [replicas] m over the substep, and the replica's mobility, s2/kg
+  Vec3<T>* duals;                // [several] m (partition.hpp)
+  Vec3<T>* v;                    // [count] m/s at the start of the substep
+  Vec3<T>* corrections;          // [contacts * count] m, 0: not in contact
+  const Vec3<T>* rest;           // [count] m
+  const ReplicaRange* replicas;  // [count]
+  const T* share;                // [count] of a replica in the average
+  const int* leader;  // [count] which motion effect leads the vertex, or -1; null: none does
   int count;
-  int several;  // the first copies: those of vertices with several, here or elsewhere
+  int replicated;  // the first replicas: those of vertices with several, here or elsewhere
 };
 
 // A fixed vertex has inverse mass 0 and stays where it is.
@@ -190,22 +190,22 @@ SIM_HD void end_vertex(const Vec3<T>& d, T dt, Vec3<T>& u, Vec3<T>& v) {
 // One of them, as it is worked on between two sweeps: read once.
 template <class T>
 struct VertexNow {
-  CopyRange copies;
+  ReplicaRange replicas;
   T share;
   Row<T> u;
   Vec3<T> v;
 
   VertexNow() = default;
   SIM_HD VertexNow(const BlockVertices<T>& x, int i)
-      : copies(x.copies[i]), share(x.share[i]), u(x.u[copies.begin]), v(x.v[i]) {}
+      : replicas(x.replicas[i]), share(x.share[i]), u(x.u[replicas.begin]), v(x.v[i]) {}
 
   // In all blocks together.
-  SIM_HD bool has_several_copies() const { return share < T(1); }
-  // function(copy) for each that the block has.
+  SIM_HD bool has_replicas() const { return share < T(1); }
+  // function(replica) for each that the block has.
   template <class Function>
-  SIM_HD void for_each_copy(Function&& function) const {
+  SIM_HD void for_each_replica(Function&& function) const {
     SIM_NO_UNROLL
-    for (int k = 0; k < copies.count; ++k) function(copies.begin + k);
+    for (int k = 0; k < replicas.count; ++k) function(replicas.begin + k);
   }
   // How far it goes in a substep by its velocity alone; the same in all blocks.
   SIM_HD Vec3<T> inertial(T dt) const { return dt * v; }
@@ -237,12 +237,12 @@ SIM_HD Vec3<T> loaded_displacement(const BlockScene<T>& scene, const Step<T>& st
   return d;
 }
 
-// What a copy carries, unless sweep_in_order() gives it later.
+// A replica's part of its dual variable, unless sweep_in_order() gives it later.
 template <EffectSet set = all_effects, class T>
-SIM_HD Vec3<T> offset_now(const BlockScene<T>& scene, const BlockVertices<T>& x, int copy,
+SIM_HD Vec3<T> offset_now(const BlockScene<T>& scene, const BlockVertices<T>& x, int replica,
                           const VertexNow<T>& now) {
   const bool later = has_pass<ElementPass::forces, set>(scene);
-  return now.has_several_copies() && !later ? before_sweep(x.carried[copy]) : Vec3<T>{};
+  return now.has_replicas() && !later ? before_sweep(x.duals[replica]) : Vec3<T>{};
 }
 
 // Up to the element effects.
@@ -251,23 +251,24 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
                         int i, const VertexNow<T>& now) {
   if (has_pass<ElementPass::rate_forces, set>(scene)) {
     const Vec3<T> d = now.inertial(scene.dt);
-    now.for_each_copy([&](int copy) { x.d[copy].v = d; });
+    now.for_each_replica([&](int replica) { x.d[replica].v = d; });
     return;
   }
   const Vec3<T> free = begin_vertex(now.u.w, now.v, scene.dt);
   const Vec3<T> d = loaded_displacement<set>(scene, step, x, i, now, free);
-  now.for_each_copy([&](int copy) { x.d[copy].v = d + offset_now<set>(scene, x, copy, now); });
+  now.for_each_replica(
+      [&](int replica) { x.d[replica].v = d + offset_now<set>(scene, x, replica, now); });
 }
 
-// Between the rate forces and all others: what begin_local() has left out. Copies that rate forces
-// have led apart are all given the same, that of a vertex without damping: other blocks know no
-// more. Where that touches an obstacle, they lose what rate forces have done along its normal.
+// Between the rate forces and all others: what begin_local() has left out. Replicas that rate
+// forces have led apart are all given the same, that of a vertex without damping: other blocks know
+// no more. Where that touches an obstacle, they lose what rate forces have done along its normal.
 template <EffectSet set = all_effects, class T>
 SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                        int i) {
   const VertexNow<T> now(x, i);
-  const bool apart = now.has_several_copies();
-  Vec3<T>& first = x.d[now.copies.begin].v;
+  const bool apart = now.has_replicas();
+  Vec3<T>& first = x.d[now.replicas.begin].v;
   const Vec3<T> undamped = begin_vertex(now.u.w, now.v, scene.dt);
   const Vec3<T> from = apart || !(now.u.w > T(0)) ? undamped : first;
   const Vec3<T> d = loaded_displacement<set>(scene, step, x, i, now, from);
@@ -279,44 +280,48 @@ SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const Bl
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto&, int k) {
     const Vec3<T> correction = x.corrections[k * x.count + i];
     if (!touches(correction)) return;
-    now.for_each_copy([&](int copy) { take_back_along(correction, inertial, x.d[copy].v); });
+    now.for_each_replica(
+        [&](int replica) { take_back_along(correction, inertial, x.d[replica].v); });
   });
-  now.for_each_copy([&](int copy) { x.d[copy].v += more + offset_now<set>(scene, x, copy, now); });
+  now.for_each_replica(
+      [&](int replica) { x.d[replica].v += more + offset_now<set>(scene, x, replica, now); });
 }
 
-// Gives the copies what they carry (sweep_in_order), by `lanes` lanes of which this is `lane`.
+// Gives the replicas their part of the dual variables (sweep_in_order), by `lanes` lanes of which
+// this is `lane`.
 template <class T>
-SIM_HD void offset_copies(const BlockVertices<T>& x, int lane, int lanes) {
+SIM_HD void offset_replicas(const BlockVertices<T>& x, int lane, int lanes) {
   SIM_NO_UNROLL
-  for (int copy = lane; copy < x.several; copy += lanes) {
-    x.d[copy].v += before_sweep(x.carried[copy]);
+  for (int replica = lane; replica < x.replicated; replica += lanes) {
+    x.d[replica].v += before_sweep(x.duals[replica]);
   }
 }
 
-// What the block has to say about a vertex: the sum over its copies, counted from where its
+// What the block has to say about a vertex: the sum over its replicas, counted from where its
 // velocity takes it.
 template <class T>
-SIM_HD Vec3<T> sum_of_copies(const BlockScene<T>& scene, const BlockVertices<T>& x,
-                             const VertexNow<T>& now) {
+SIM_HD Vec3<T> sum_of_replicas(const BlockScene<T>& scene, const BlockVertices<T>& x,
+                               const VertexNow<T>& now) {
   const Vec3<T> from = now.inertial(scene.dt);
   Vec3<T> sum;
-  now.for_each_copy([&](int copy) { sum += x.d[copy].v - from; });
+  now.for_each_replica([&](int replica) { sum += x.d[replica].v - from; });
   return sum;
 }
 
-// After the element effects, with the sum over all copies where there are several. Brings `now` to
-// the end of the substep.
+// After the element effects, with the sum over all replicas where there are several. Brings `now`
+// to the end of the substep.
 template <EffectSet set = all_effects, class T>
 SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                          int i, const Vec3<T>& sum, VertexNow<T>& now) {
   Vec3<T> d;
-  if (now.has_several_copies()) {
+  if (now.has_replicas()) {
     const Vec3<T> from = now.inertial(scene.dt), mean = now.share * sum;
-    now.for_each_copy(
-        [&](int copy) { x.carried[copy] = carried_on(x.carried[copy], x.d[copy].v - from, mean); });
+    now.for_each_replica([&](int replica) {
+      x.duals[replica] = next_dual(x.duals[replica], x.d[replica].v - from, mean);
+    });
     d = from + mean;
   } else {
-    d = x.d[now.copies.begin].v;
+    d = x.d[now.replicas.begin].v;
   }
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto& view, int k) {
     const Vec3<T> correction = x.corrections[k * x.count + i];
@@ -327,10 +332,10 @@ SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const 
   });
   end_vertex(d, scene.dt, now.u.v, now.v);
   x.v[i] = now.v;
-  now.for_each_copy([&](int copy) { x.u[copy] = now.u; });
+  now.for_each_replica([&](int replica) { x.u[replica] = now.u; });
 }
 
-// Displacements of an element's vertices, with their mobilities, from the rows of all copies.
+// Displacements of an element's vertices, with their mobilities, from the rows of all replicas.
 template <class T, int arity>
 struct Rows {
   Row<T> row[arity];
@@ -357,13 +362,13 @@ SIM_HD void displacements_at_start(const BlockVertices<T>& x, const LocalVertice
 // An element solved where it is.
 template <class Effect, class T, int arity = Effect::arity>
 SIM_HD void solve_element(const BlockVertices<T>& x, const LocalVertices<arity>& vertices,
-                          const typename Effect::template Rest<T>& rest, T* memory,
+                          const typename Effect::template Rest<T>& rest, T* history,
                           const Vec3<T> (&u)[arity], const Rows<T, arity>& rows) {
   Vec3<T> d[arity], p[arity];
   T mobility[arity];
   rows.split(d, mobility);
   element_impulses<Effect, Arithmetic::xpbd_only>(rest, mobility, SweepConstants<T>{T(1), T(1)}, u,
-                                                  d, static_cast<T*>(nullptr), memory, p);
+                                                  d, static_cast<T*>(nullptr), history, p);
   for (int i = 0; i < arity; ++i) {
     x.d[vertices[i]] = {d[i] + mobility[i] * p[i], mobility[i]};
   }
@@ -392,7 +397,7 @@ inline constexpr std::size_t work_of_element = [] {
 template <class Effect, class T>
 SIM_HD void linearize_element(const BlockVertices<T>& x,
                               const typename BlockView<Effect, T>::Local& vertices,
-                              const typename Effect::template Rest<T>& rest, T* memory,
+                              const typename Effect::template Rest<T>& rest, T* history,
                               LinearizedElement<Effect, T>& out) {
   static_assert(sizeof(out) / 16 % 2 == 1);
   constexpr int arity = Effect::arity;
@@ -400,7 +405,7 @@ SIM_HD void linearize_element(const BlockVertices<T>& x,
   T mobility[arity];
   displacements_at_start(x, vertices, u);
   Rows<T, arity>(x.d, vertices).split(d, mobility);
-  linearize<Effect>(rest, mobility, u, d, memory, out.content.linearized);
+  linearize<Effect>(rest, mobility, u, d, history, out.content.linearized);
   out.content.vertices = vertices;
 }
 

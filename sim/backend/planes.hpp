@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "sim/math.hpp"
+#include "sim/base/math.hpp"
 
 namespace viscera::sim {
 

@@ -1,12 +1,12 @@
 // What shape matching does with one region and one of its members, for host and device; equations
-// in effects/shape_matching.hpp. Sums are taken in double.
+// in effects/laws/shape_matching.hpp. Sums are taken in double.
 #pragma once
 
 #include <algorithm>
 
-#include "sim/best_rotation.hpp"
-#include "sim/regions.hpp"
-#include "sim/solvers/arithmetic.hpp"
+#include "sim/base/best_rotation.hpp"
+#include "sim/model/regions.hpp"
+#include "sim/solvers/xpbd/arithmetic.hpp"
 
 namespace viscera::sim {
 
@@ -59,9 +59,9 @@ inline std::vector<int> regions_of_members(const Regions& all) {
   return result;
 }
 
-// What an iteration adds to the displacement of a member's copy, w before it. With o = omega^2 dt^2
-// and l what it added so far in this substep (`so_far`, where there are several iterations), XPBD's
-// equation 18 reads dl = -(o C + l) / (1 + o).
+// What an iteration adds to the displacement of a member's replica, w before it. With o = omega^2
+// dt^2 and l what it added so far in this substep (`so_far`, where there are several iterations),
+// XPBD's equation 18 reads dl = -(o C + l) / (1 + o).
 SIM_HD Vec3<double> pull_member(const RegionFit& goal, const RegionMember& member,
                                 const Vec3<double>& w, double o, Arithmetic arithmetic,
                                 double pbd_stiffness, Vec3<double>* so_far) {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "sim/effects/self_contact.hpp"
-#include "sim/surface.hpp"
+#include "sim/model/surface.hpp"
 
 namespace viscera::sim {
 

@@ -3,7 +3,8 @@
 // the registry names later leads it.
 #pragma once
 
-#include "sim/selection.hpp"
+#include "sim/effects/effect.hpp"
+#include "sim/model/selection.hpp"
 
 namespace viscera::sim {
 

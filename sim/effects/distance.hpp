@@ -22,7 +22,7 @@
 #include <map>
 
 #include "sim/effects/effect.hpp"
-#include "sim/selection.hpp"
+#include "sim/model/selection.hpp"
 
 namespace viscera::sim {
 

@@ -1,4 +1,4 @@
-// What an effect is. One header per effect; sim/effects/list.hpp is the one place that names them
+// What an effect is. One header per effect; sim/scene/list.hpp is the one place that names them
 // all, and the solver's passes, both backends, the scene's keys, the docs and the typed tests
 // derive from that list. Nothing is allocated, coloured or launched for an effect that a scene does
 // not name.
@@ -26,11 +26,11 @@
 //   template <class T> SIM_HD static void evaluate(rest, u, d, Evaluation<T, rows, arity>&)
 //       u[arity]: displacements at the start of the substep, d[arity]: displacements over it. T may
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
-//   template <class T> static void lighten(Rest<T>&, T copies)   optional: the element works on
-//       copies of its vertices that have their mass divided by `copies` at most
+//   template <class T> static void lighten(Rest<T>&, T replicas)   optional: the element works on
+//       replicas of its vertices that have their mass divided by `replicas` at most
 //   Of a rate force: template <class T> static void solve_for(model, index, Rest<T>&)
 //       and template <bool resisted, class T> SIM_HD static void evaluate_in_full(rest, u, d, out):
-//       without what keeps it stable as an explicit one (solvers/viscous_step.hpp), and
+//       without what keeps it stable as an explicit one (solvers/xpbd/viscous_step.hpp), and
 //       template <class T> static void divide(Rest<T>&, T passes): each of `passes` sweeps takes
 //       the force over its share of the substep
 //   static constexpr bool has_reference = true;   optional: see Evaluation
@@ -44,9 +44,9 @@
 //                                                and turns inside out under a load that it cannot
 //                                                carry
 //   An effect with a history also has
-//   static constexpr int memory;                 numbers that it keeps of each element, 0 at first
-//   template <class T> SIM_HD static void remember(rest, u, T memory[])   once at every substep
-//   and evaluate(rest, const T memory[], u, d, out).
+//   static constexpr int history;                history variables of an element, 0 at first
+//   template <class T> SIM_HD static void update_history(rest, u, T history[])   at every substep
+//   and evaluate(rest, const T history[], u, d, out).
 //   An elastic effect also has
 //   static double explicit_modulus(material, params)   M, Pa: at rest no mode of a tet is stiffer
 //       than M V sum |grad N_i|^2, for the limit of explicit dynamics (stability.hpp)
@@ -84,9 +84,10 @@
 #include <string>
 #include <tuple>
 
-#include "sim/math.hpp"
-#include "sim/model.hpp"
-#include "sim/refusal.hpp"
+#include "sim/base/math.hpp"
+#include "sim/base/refusal.hpp"
+#include "sim/model/field.hpp"
+#include "sim/model/model.hpp"
 
 namespace viscera::sim {
 
@@ -120,21 +121,21 @@ inline constexpr bool is_steered = requires {
   &Effect::template steer<double>;
 };
 
-// Numbers that an effect keeps of each element from one substep to the next.
+// History variables that an effect has of each element.
 template <class Effect>
-inline constexpr int memory_of = [] {
-  if constexpr (requires { Effect::memory; }) return Effect::memory;
+inline constexpr int history_of = [] {
+  if constexpr (requires { Effect::history; }) return Effect::history;
   return 0;
 }();
 
 // What ends() returns for an effect that goes on changing for as long as a scene can last.
 inline constexpr double never = std::numeric_limits<double>::infinity();
 
-// Whether the functions of an effect can see the time, or keep a memory of it.
+// Whether the functions of an effect depend on time, or on what was before.
 template <class Effect>
 inline constexpr bool may_change_with_time =
     Effect::kind == EffectKind::force || Effect::kind == EffectKind::motion ||
-    Effect::kind == EffectKind::contact || memory_of < Effect >> 0;
+    Effect::kind == EffectKind::contact || history_of < Effect >> 0;
 
 // What a run waits for before it may rest (loads_end in balance.hpp): an effect that may change
 // with time has to say until when it does. The registry refuses to compile one that does not.
@@ -204,58 +205,6 @@ template <class T, int rows, int arity>
 SIM_HD void without_reference(Evaluation<T, rows, arity>& out) {
   for (int row = 0; row < rows; ++row) out.remainder[row] = out.value[row];
   for (int i = 0; i < arity; ++i) out.preload[i] = Vec3<T>{};
-}
-
-// The default of a parameter that a scene has to give.
-inline constexpr double required = std::numeric_limits<double>::quiet_NaN();
-
-// One parameter of an effect as a scene writes it. `member` points into the effect's Params; its
-// type is double, Vec3<double> or std::string. Closed range [lo, hi] in the SI unit named, of every
-// component.
-template <class Params, class Value>
-struct Field {
-  const char* name;
-  const char* unit;
-  Value Params::*member;
-  double lo, hi;
-  const char* doc;
-};
-
-// A parameter of type std::string: one of `choices`, "a|b|c", or empty; without choices any word.
-template <class Params>
-struct Field<Params, std::string> {
-  const char* name;
-  const char* choices;
-  std::string Params::*member;
-  const char* doc;
-};
-
-template <class Params, class Value>
-Field(const char*, const char*, Value Params::*, double, double, const char*)
-    -> Field<Params, Value>;
-template <class Params>
-Field(const char*, const char*, std::string Params::*, const char*) -> Field<Params, std::string>;
-
-// A field of a part that Params derives from, as one of Params.
-template <class Params, class Part, class Value>
-constexpr Field<Params, Value> field_of(const Field<Part, Value>& f) {
-  return {f.name, f.unit, f.member, f.lo, f.hi, f.doc};
-}
-template <class Params, class Part>
-constexpr Field<Params, std::string> field_of(const Field<Part, std::string>& f) {
-  return {f.name, f.choices, f.member, f.doc};
-}
-template <class Params, class... Part>
-constexpr auto fields_of(const std::tuple<Part...>& part) {
-  return std::apply([](const auto&... f) { return std::tuple{field_of<Params>(f)...}; }, part);
-}
-
-// For an effect's check(): a vector that is to have a direction.
-inline void require_direction(const Vec3<double>& vector, const std::string& field,
-                              const std::string& example) {
-  if (norm(vector) > 0.0) return;
-  throw Refusal(Refusal::Cause::scene, field, "a vector of length 0",
-                "a direction, for example " + example);
 }
 
 }  // namespace viscera::sim

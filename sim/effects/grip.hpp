@@ -14,7 +14,7 @@
 
 #include <numbers>
 
-#include "sim/best_rotation.hpp"
+#include "sim/base/best_rotation.hpp"
 #include "sim/effects/effect.hpp"
 
 namespace viscera::sim {

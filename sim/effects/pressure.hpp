@@ -6,7 +6,7 @@
 #pragma once
 
 #include "sim/effects/effect.hpp"
-#include "sim/selection.hpp"
+#include "sim/model/selection.hpp"
 
 namespace viscera::sim {
 

@@ -5,8 +5,8 @@
 #include <functional>
 #include <memory>
 
-#include "sim/model.hpp"
-#include "sim/scene.hpp"
+#include "sim/model/model.hpp"
+#include "sim/scene/scene.hpp"
 #include "sim/solvers/solver.hpp"
 
 namespace viscera::sim {

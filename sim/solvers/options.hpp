@@ -3,7 +3,7 @@
 
 #include <functional>
 
-#include "sim/scene.hpp"
+#include "sim/scene/scene.hpp"
 
 namespace viscera::sim {
 
@@ -19,7 +19,7 @@ enum class Method {
 // How XPBD, PBD and TLED order the elements of a substep.
 enum class Scheme {
   gauss_seidel,        // colour by colour
-  block_gauss_seidel,  // blocks of elements on their own copies of shared vertices, then averaged
+  block_gauss_seidel,  // blocks of elements on their own replicas of shared vertices, then averaged
   jacobi,              // all from the same state, summed
 };
 
@@ -51,6 +51,9 @@ struct SolverOptions {
   std::function<void()> pause_point = [] {};
 };
 
+// Throws Refusal(scene) for a combination of effects, method and options that does not exist.
+void check_options(const Scene& scene, const SolverOptions& options);
+
 // With what the scene's policy has decided.
 inline SolverOptions options_for(const Scene& scene, SolverOptions options) {
   const bool holds = options.method == Method::xpbd && scene.force_hold_s > 0.0;
@@ -63,10 +66,10 @@ inline bool in_blocks(const SolverOptions& options) {
   return options.scheme == Scheme::block_gauss_seidel && options.method != Method::tled;
 }
 
-// Of the time step (time_rule.hpp; the finite elements': fem_step_length.hpp). What copies of a
-// vertex carry from one substep to the next in blocks makes the second order gain energy: a cube of
+// Of the time step (time_rule.hpp; the finite elements': fem/step_length.hpp). The dual
+// variables of replicas in blocks make the second order gain energy: a cube of
 // nu .45 that is shaken had 219 times what it was given after 500 substeps at Cs .5, and loses it
-// by colours or where copies carry nothing. Explicit dynamics is of second order as it is; the
+// by colours or without dual variables. Explicit dynamics is of second order as it is; the
 // projections of PBD are no forces.
 inline int order_of(const Scene& scene, const SolverOptions& options) {
   if (options.method == Method::fem) {

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "sim/diagnostics.hpp"
-#include "sim/state.hpp"
+#include "sim/model/state.hpp"
+#include "sim/scene/diagnostics.hpp"
 
 namespace viscera::sim {
 
@@ -19,10 +19,10 @@ struct Diverged : std::runtime_error {
 
 // What a substep asks of a device: to be held against the device's limits.
 struct SubstepWork {
-  double close_bytes = 0.0;  // read and written in what a multiprocessor has for itself
-  double far_bytes = 0.0;    // in the cache or memory of the whole device
-  int phases = 0;            // of the fullest block: each waits for the one before
-  int launches = 0;          // likewise; 0 where a frame is one
+  double shared_bytes = 0.0;  // read and written in what a multiprocessor has for itself
+  double global_bytes = 0.0;  // in the cache or memory of the whole device
+  int phases = 0;             // of the fullest block: each waits for the one before
+  int launches = 0;           // likewise; 0 where a frame is one
 };
 
 class Solver {
@@ -34,7 +34,7 @@ class Solver {
   // Takes a state up where it was left: the same bits follow as without the interruption.
   virtual void set_state(const State& state) = 0;
   // Takes over other materials (E, nu, damping; per label and per tet) and other parameters of the
-  // same effects; elements, their order, state and memory stay. From there on the run is, to the
+  // same effects; elements, their order, state and history stay. From there on the run is, to the
   // bit, that of a solver made with them and started from this state. Masses are those that the run
   // began with. Throws Refusal, and changes nothing, when the mesh, a density, the time grid, the
   // effects, their elements or the vertices that they hold are not the same.

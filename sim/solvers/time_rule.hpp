@@ -27,7 +27,7 @@
 // rebounds to 79.3 mm, by backward Euler to 67.2, in small steps to 79.2 (docs/results/physics.md).
 #pragma once
 
-#include "sim/math.hpp"
+#include "sim/base/math.hpp"
 
 namespace viscera::sim {
 

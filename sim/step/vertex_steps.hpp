@@ -106,8 +106,8 @@ struct Stop {
   }
 };
 
-// Where forces are held (solvers/held_forces.hpp): those that the elements hold, before a sweep,
-// which adds to them; and after it what it has added.
+// Where forces are held (solvers/xpbd/held_forces.hpp): those that the elements hold, before a
+// sweep, which adds to them; and after it what it has added.
 template <class T>
 struct ApplyHeldForces {
   const Vec3<T>* held;  // [n] m over the substep

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <map>
 
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/log.hpp"
 
 namespace viscera {
 namespace {

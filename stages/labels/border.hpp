@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "stages/common/label_image.hpp"
-#include "stages/common/stage_main.hpp"
+#include "stages/image/label_image.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera {
 

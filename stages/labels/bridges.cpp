@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <map>
 
-#include "stages/common/label_components.hpp"
+#include "stages/image/label_components.hpp"
 
 namespace viscera {
 namespace {

@@ -5,7 +5,7 @@
 #include <array>
 #include <vector>
 
-#include "stages/common/label_image.hpp"
+#include "stages/image/label_image.hpp"
 
 namespace viscera {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "stages/common/label_components.hpp"
+#include "stages/image/label_components.hpp"
 
 namespace viscera {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "stages/common/label_image.hpp"
+#include "stages/image/label_image.hpp"
 
 namespace viscera {
 

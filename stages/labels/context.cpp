@@ -6,9 +6,9 @@
 #include <cmath>
 #include <limits>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "stages/common/image_io.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "stages/image/image_io.hpp"
 #include "stages/labels/dicom_stack.hpp"
 
 namespace viscera {

@@ -2,8 +2,8 @@
 // wants to see the labels on. Its values are passed on as they are, on its own grid.
 #pragma once
 
-#include "stages/common/label_image.hpp"
-#include "stages/common/stage_main.hpp"
+#include "stages/image/label_image.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera {
 

@@ -14,7 +14,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "stages/common/image_header.hpp"
+#include "stages/image/image_header.hpp"
 #include "stages/labels/dicom_walk.hpp"
 
 namespace viscera {

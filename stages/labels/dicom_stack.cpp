@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stages/common/image_header.hpp"
+#include "stages/image/image_header.hpp"
 
 namespace viscera {
 namespace {

@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "stages/common/label_image.hpp"
+#include "stages/image/label_image.hpp"
 #include "stages/labels/dicom_planes.hpp"
 
 namespace viscera {

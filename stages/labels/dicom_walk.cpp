@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "stages/common/image_header.hpp"
+#include "stages/image/image_header.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "pipeline/contract/manifest.hpp"
-#include "stages/common/stored_segments.hpp"
+#include "stages/image/stored_segments.hpp"
 #include "stages/labels/dicom_stack.hpp"
 
 namespace viscera {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "stages/common/image_io.hpp"
+#include "stages/image/image_io.hpp"
 #include "stages/labels/runs.hpp"
 
 namespace viscera {

@@ -10,12 +10,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "stages/common/image_io.hpp"
-#include "stages/common/label_components.hpp"
-#include "stages/common/label_name.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "pipeline/contract/label_name.hpp"
+#include "stages/image/image_io.hpp"
+#include "stages/image/label_components.hpp"
 #include "stages/labels/border.hpp"
 #include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"

@@ -1,7 +1,7 @@
 // viscera-labels: a segmented volume in, labels.nrrd and labels.json out.
 #pragma once
 
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera {
 

@@ -14,8 +14,8 @@
 
 #include <variant>
 
-#include "pipeline/contract/json_value.hpp"
-#include "sim/math.hpp"
+#include "pipeline/base/json_value.hpp"
+#include "sim/base/math.hpp"
 
 namespace viscera::live {
 

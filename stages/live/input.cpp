@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera::live {

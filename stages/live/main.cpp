@@ -8,10 +8,10 @@
 #include <fstream>
 #include <iostream>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 #include "stages/live/readout.hpp"
-#include "stages/live/window/window.hpp"
+#include "stages/live/window_library.hpp"
 #include "stages/simulate/stage.hpp"
 
 namespace viscera::live {

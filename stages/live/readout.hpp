@@ -1,7 +1,7 @@
 // What a session says of itself: in a window's corner as text, of a headless run as JSON.
 #pragma once
 
-#include "sim/diagnostics.hpp"
+#include "sim/scene/diagnostics.hpp"
 #include "stages/live/session.hpp"
 
 namespace viscera::live {

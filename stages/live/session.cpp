@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <chrono>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "sim/diagnostics.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "sim/scene/diagnostics.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera::live {
@@ -13,7 +13,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t most_messages = 6;
+constexpr std::size_t max_messages = 6;
 // A body that has moved this many times its own size has left the scene, not deformed.
 constexpr double lost_after_sizes = 1e3;
 
@@ -243,7 +243,7 @@ void Session::publish() {
 void Session::say(std::string message) {
   log::warn("frame {}: {}", frame_, message);
   messages_.push_back(std::move(message));
-  if (messages_.size() > most_messages) messages_.pop_front();
+  if (messages_.size() > max_messages) messages_.pop_front();
 }
 
 }  // namespace viscera::live

@@ -9,10 +9,10 @@
 #include <optional>
 #include <thread>
 
-#include "stages/common/trajectory_io.hpp"
 #include "stages/live/input.hpp"
 #include "stages/live/triple_buffer.hpp"
 #include "stages/live/world.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 
 namespace viscera::live {
 

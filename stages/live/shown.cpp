@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/elasticity.hpp"
-#include "sim/surface.hpp"
+#include "sim/model/surface.hpp"
+#include "sim/scene/elasticity.hpp"
 
 namespace viscera::live {
 

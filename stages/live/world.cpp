@@ -8,10 +8,10 @@
 #include <cmath>
 #include <numbers>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "sim/best_rotation.hpp"
-#include "sim/start.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "sim/base/best_rotation.hpp"
+#include "sim/model/start.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/solver_choice.hpp"
@@ -25,7 +25,7 @@ using Clock = std::chrono::steady_clock;
 constexpr double hold_frequency = 40.0;  // Hz
 constexpr double weights_to_lift = 2.0;  // of the body: the most that a hand pulls with
 constexpr double gravity = 9.80665;      // m/s2
-constexpr int least_held = 8;            // vertices: fewer would be torn out
+constexpr int min_held = 8;              // vertices: fewer would be torn out
 constexpr double hold_of_size = 0.1, tool_of_size = 0.08;  // radii by the body's size
 
 Error refused(std::string field, std::string found, std::string allowed, std::string remedy = "") {
@@ -73,7 +73,7 @@ Flesh flesh_around(const sim::Model& model, const Point& point) {
       ++flesh.vertices;
       flesh.mass += model.mass[i] * left * left;
     }
-    if (flesh.vertices >= least_held || flesh.radius > model.size()) return flesh;
+    if (flesh.vertices >= min_held || flesh.radius > model.size()) return flesh;
   }
 }
 

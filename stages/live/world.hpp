@@ -5,8 +5,8 @@
 #include <map>
 #include <memory>
 
+#include "sim/measures/stability.hpp"
 #include "sim/solvers/solver.hpp"
-#include "sim/stability.hpp"
 #include "stages/live/command.hpp"
 #include "stages/simulate/setup.hpp"
 

@@ -6,8 +6,8 @@
 #include <map>
 #include <set>
 
-#include "pipeline/contract/param.hpp"
-#include "sim/tet_face.hpp"
+#include "pipeline/base/param.hpp"
+#include "sim/base/tet_face.hpp"
 
 namespace viscera {
 namespace {

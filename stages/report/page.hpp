@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 #include "stages/report/web_files.hpp"
 
 namespace viscera {

@@ -1,7 +1,7 @@
 #include "stages/report/report_stage.hpp"
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 #include "stages/report/gltf.hpp"
 #include "stages/report/page.hpp"
 #include "stages/report/slices.hpp"

@@ -3,7 +3,7 @@
 // manifests beside the files, and the geometry from trajectory.h5.
 #pragma once
 
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "stages/common/image_io.hpp"
+#include "stages/image/image_io.hpp"
 #include "stages/report/packed.hpp"
 
 namespace viscera {

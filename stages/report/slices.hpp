@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 
 namespace viscera {
 

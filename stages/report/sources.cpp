@@ -7,11 +7,11 @@
 #include <cmath>
 #include <sstream>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/contract/input_digest.hpp"
-#include "pipeline/contract/json_value.hpp"
 #include "pipeline/contract/manifest.hpp"
 
 namespace viscera {

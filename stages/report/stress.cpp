@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/json_value.hpp"
 
 namespace viscera {
 namespace {

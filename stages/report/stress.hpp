@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/param.hpp"
-#include "sim/material.hpp"
-#include "sim/math.hpp"
-#include "stages/common/tet_mesh.hpp"
+#include "pipeline/base/param.hpp"
+#include "sim/base/math.hpp"
+#include "sim/model/material.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
 
@@ -26,8 +26,8 @@ class VonMises {
   VonMises(const TetMesh& mesh, const Tissue& tissue);
 
   // Of Cauchy's stress in every tet, kPa; `xyz` mm, three a point. With P of
-  // effects/neo_hookean.hpp, sigma = P F^T / J. Fibres, viscosity and Prony branches are not in it.
-  // 0 for a tet inside out.
+  // effects/laws/neo_hookean.hpp, sigma = P F^T / J. Fibres, viscosity and Prony branches are not
+  // in it. 0 for a tet inside out.
   std::vector<double> operator()(const std::vector<double>& xyz) const;
 
  private:

@@ -8,9 +8,9 @@
 #include <cmath>
 #include <optional>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "sim/tet_face.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "sim/base/tet_face.hpp"
 #include "stages/report/packed.hpp"
 
 namespace viscera {
@@ -171,7 +171,7 @@ double mean_ratio(const TetMesh& mesh, const std::array<int, 4>& tet, double vol
   return 12.0 * std::cbrt(9.0 * volume * volume) / squares;
 }
 
-std::vector<float> least_quality_around(const TetMesh& mesh, const std::vector<int>& used) {
+std::vector<float> min_quality_around(const TetMesh& mesh, const std::vector<int>& used) {
   const auto volumes = tet_volumes(mesh, mesh.points[0].data());
   std::vector<double> least(mesh.points.size(), 1.0);
   for (std::size_t i = 0; i < mesh.tets.size(); ++i) {
@@ -364,7 +364,7 @@ ViewerData viewer_data(const TrajectoryReader& trajectory, std::size_t max_frame
   pack_values(
       frames.stresses, [&](double kpa) { return kpa / stress_range; }, bytes);
   pack_values(
-      {least_quality_around(mesh, used)}, [](double quality) { return quality; }, bytes);
+      {min_quality_around(mesh, used)}, [](double quality) { return quality; }, bytes);
 
   Json meta{{"vertices", used.size()}, {"points", mesh.points.size()}, {"tets", mesh.tets.size()}};
   meta["times_s"] = Json::array();

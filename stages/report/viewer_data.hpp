@@ -5,9 +5,9 @@
 
 #include <string>
 
-#include "pipeline/contract/param.hpp"
-#include "stages/common/trajectory_io.hpp"
+#include "pipeline/base/param.hpp"
 #include "stages/report/stress.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 
 namespace viscera {
 

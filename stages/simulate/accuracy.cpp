@@ -9,12 +9,12 @@
 #include <optional>
 #include <vector>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/contract/input_digest.hpp"
-#include "pipeline/contract/json_value.hpp"
-#include "pipeline/contract/log.hpp"
-#include "sim/solvers/make.hpp"
-#include "sim/stability.hpp"
+#include "sim/make.hpp"
+#include "sim/measures/stability.hpp"
 #include "stages/simulate/scene_file.hpp"
 #include "stages/simulate/stage.hpp"
 

@@ -1,7 +1,7 @@
 // The cheapest setting that a study shows to be accurate enough for this scene on this mesh.
 #pragma once
 
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera {
 

@@ -2,9 +2,9 @@
 // meet here and nowhere else.
 #pragma once
 
-#include "sim/model.hpp"
-#include "sim/state.hpp"
-#include "stages/common/tet_mesh.hpp"
+#include "sim/model/model.hpp"
+#include "sim/model/state.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
 

@@ -6,16 +6,16 @@
 #include <cmath>
 #include <fstream>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
-#include "stages/common/hdf5_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
+#include "stages/trajectory/hdf5_file.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
 using namespace hdf5;
 namespace {
 
-constexpr const char* carried = "/carried";  // of runs in blocks
+constexpr const char* duals = "/carried";    // of runs in blocks
 constexpr const char* added_u = "/added_u";  // by the last substep
 constexpr const char* added_v = "/added_v";
 constexpr const char* held = "/held";  // of runs whose elements hold their forces
@@ -84,9 +84,9 @@ void write_checkpoint(const fs::path& path, const sim::State& state, double subs
     write_reals(file, path, added_u, {n, 3}, state.added_u.data());
     write_reals(file, path, added_v, {n, 3}, state.added_v.data());
   }
-  write_reals(file, path, "/memory", {state.memory.size()}, state.memory.data());
-  if (!state.carried.empty()) {
-    write_reals(file, path, carried, {state.carried.size(), 3}, state.carried.data());
+  write_reals(file, path, "/memory", {state.history.size()}, state.history.data());
+  if (!state.duals.empty()) {
+    write_reals(file, path, duals, {state.duals.size(), 3}, state.duals.data());
   }
   if (!state.held.empty()) write_reals(file, path, held, {state.held.size()}, state.held.data());
   write_dataset(file, path, "/step", H5T_STD_U64LE, H5T_NATIVE_UINT64, {1}, &state.step);
@@ -108,13 +108,13 @@ sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim
                    read_vectors(file, path, "/v", vertices)};
   const Dataset step = open_dataset(file, path, "/step", H5T_INTEGER, {1});
   state.step = read_values<std::uint64_t>(step, path, "/step", H5T_NATIVE_UINT64)[0];
-  state.memory = read_reals(file, path, "/memory", {0});
+  state.history = read_reals(file, path, "/memory", {0});
   if (H5Lexists(file.id(), added_u, H5P_DEFAULT) > 0) {
     state.added_u = read_vectors(file, path, added_u, vertices);
     state.added_v = read_vectors(file, path, added_v, vertices);
   }
-  if (H5Lexists(file.id(), carried, H5P_DEFAULT) > 0) {
-    state.carried = read_vectors(file, path, carried, 0);
+  if (H5Lexists(file.id(), duals, H5P_DEFAULT) > 0) {
+    state.duals = read_vectors(file, path, duals, 0);
   }
   if (H5Lexists(file.id(), held, H5P_DEFAULT) > 0) state.held = read_reals(file, path, held, {0});
   const double reached = static_cast<double>(state.step) * substep;

@@ -5,16 +5,17 @@
 //   /step     uint64           substeps done
 //   /substep  float64          s
 //
-// and, of solvers that have them, /added_u, /added_v, /carried and /held (sim/state.hpp). The first
-// 512 bytes hold the SHA-256 digest of all others, so that a damaged file is never gone on from.
+// and, of solvers that have them, /added_u, /added_v, /carried and /held (sim/model/state.hpp). The
+// first 512 bytes hold the SHA-256 digest of all others, so that a damaged file is never gone on
+// from.
 //
 // Single precision states are kept in double without loss.
 #pragma once
 
 #include <filesystem>
 
-#include "sim/scene.hpp"
-#include "sim/state.hpp"
+#include "sim/model/state.hpp"
+#include "sim/scene/scene.hpp"
 
 namespace viscera {
 

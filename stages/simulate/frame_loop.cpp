@@ -6,8 +6,8 @@
 #include <future>
 #include <optional>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 #include "stages/simulate/inverted.hpp"
 
 namespace viscera {
@@ -115,8 +115,8 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
   if (resumed) solver.set_state(outcome.last);
   const double size = model.size(), frame_s = scene.time.frame_s;
   const int last_frame = static_cast<int>(std::ceil(scene.time.end_s / frame_s - 1e-9));
-  double most_elastic = -1.0;
-  for (const auto& frame : outcome.frames) most_elastic = std::max(most_elastic, frame.now.elastic);
+  double max_elastic = -1.0;
+  for (const auto& frame : outcome.frames) max_elastic = std::max(max_elastic, frame.now.elastic);
   const int first_frame = resumed ? outcome.frames.back().index + 1
                                   : static_cast<int>(solver.state().step / scene.time.substeps);
   std::optional<sim::EnergyWatch> watch;
@@ -180,15 +180,15 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
       judge.judge(frame, state, stepped.unsettled, setting + 1 == schedule.count(),
                   index == last_frame, outcome);
     });
-    if (frame.now.elastic > most_elastic) {
-      most_elastic = frame.now.elastic;
-      outcome.most_deformed = state;
+    if (frame.now.elastic > max_elastic) {
+      max_elastic = frame.now.elastic;
+      outcome.max_deformed = state;
     }
     const auto has_fewer = [&frame](const ComputedFrame& earlier) {
       return earlier.now.inverted < frame.now.inverted;
     };
     if (frame.now.inverted > 0 && std::ranges::all_of(outcome.frames, has_fewer)) {
-      outcome.most_inverted = inverted_tets(model, state);
+      outcome.max_inverted = inverted_tets(model, state);
     }
     outcome.frames.push_back(frame);
     outcome.before = std::move(outcome.last);

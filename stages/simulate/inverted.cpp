@@ -2,13 +2,13 @@
 
 #include <algorithm>
 
-#include "sim/elasticity.hpp"
+#include "sim/scene/elasticity.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera {
 namespace {
 
-constexpr std::size_t most_listed = 100;
+constexpr std::size_t max_listed = 100;
 
 }  // namespace
 
@@ -26,7 +26,7 @@ std::vector<std::pair<double, std::size_t>> smallest_j(const sim::Model& model,
 
 std::vector<std::pair<double, std::size_t>> inverted_tets(const sim::Model& model,
                                                           const sim::State& state) {
-  auto tets = smallest_j(model, state, most_listed);
+  auto tets = smallest_j(model, state, max_listed);
   std::erase_if(tets, [](const auto& tet) { return tet.first > 0.0; });
   return tets;
 }

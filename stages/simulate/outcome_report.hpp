@@ -1,7 +1,7 @@
 // What the manifest says of a run: metrics, gates, and why it diverged.
 #pragma once
 
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 #include "stages/simulate/frame_loop.hpp"
 
 namespace viscera {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/balance.hpp"
+#include "sim/measures/balance.hpp"
 
 namespace viscera {
 

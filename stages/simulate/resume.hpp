@@ -15,7 +15,7 @@
 #include <optional>
 #include <span>
 
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 #include "stages/simulate/frame_loop.hpp"
 
 namespace viscera {

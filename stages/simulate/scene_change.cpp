@@ -1,6 +1,6 @@
 #include "stages/simulate/scene_change.hpp"
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace {

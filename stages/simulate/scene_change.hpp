@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 
 namespace viscera {
 

@@ -6,9 +6,9 @@
 #include <array>
 #include <sstream>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/yaml_file.hpp"
-#include "stages/common/material_params.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/yaml_file.hpp"
+#include "stages/mesh/material_params.hpp"
 #include "stages/simulate/scene_change.hpp"
 
 namespace viscera {

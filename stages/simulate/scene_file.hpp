@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/param.hpp"
-#include "sim/scene.hpp"
+#include "pipeline/base/param.hpp"
+#include "sim/scene/scene.hpp"
 
 namespace viscera {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "sim/balance.hpp"
+#include "sim/measures/balance.hpp"
 
 namespace viscera {
 
@@ -30,7 +30,7 @@ void Schedule::set(std::size_t setting, sim::Model& model, sim::Scene& scene) co
     model.materials[i] = now.materials.at(model.label_names[i]);
   }
   // These two have no parameters of the scene, but may have shared the tets between them
-  // (sim/stability.hpp).
+  // (sim/measures/stability.hpp).
   const auto neo_hookean = scene.params<sim::NeoHookean>();
   const auto corotational = scene.params<sim::Corotational>();
   scene.effects = now.effects;

@@ -1,7 +1,7 @@
 // The scene's schedule over the frames of a run: what holds over each of them.
 #pragma once
 
-#include "sim/model.hpp"
+#include "sim/model/model.hpp"
 #include "stages/simulate/scene_file.hpp"
 
 namespace viscera {

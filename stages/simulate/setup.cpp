@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "pipeline/contract/log.hpp"
-#include "stages/common/tet_checks.hpp"
-#include "stages/common/tet_io.hpp"
+#include "pipeline/base/log.hpp"
+#include "stages/mesh/tet_checks.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/accuracy.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/gates.hpp"

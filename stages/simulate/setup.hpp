@@ -3,11 +3,11 @@
 
 #include <functional>
 
-#include "pipeline/contract/error.hpp"
-#include "sim/model.hpp"
-#include "sim/refusal.hpp"
-#include "stages/common/stage_main.hpp"
-#include "stages/common/tet_mesh.hpp"
+#include "pipeline/base/error.hpp"
+#include "sim/base/refusal.hpp"
+#include "sim/model/model.hpp"
+#include "stages/mesh/tet_mesh.hpp"
+#include "stages/program/stage_main.hpp"
 #include "stages/simulate/scene_file.hpp"
 
 namespace viscera {

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <optional>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "sim/refusal.hpp"
-#include "sim/solvers/scheme_choice.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "sim/base/refusal.hpp"
+#include "sim/scheme_choice.hpp"
 
 namespace viscera {
 namespace {

@@ -1,8 +1,8 @@
 // How a scene is solved, as parameters of the stage: method, scheme, iterations, device.
 #pragma once
 
-#include "sim/solvers/make.hpp"
-#include "stages/common/stage_main.hpp"
+#include "sim/make.hpp"
+#include "stages/program/stage_main.hpp"
 #include "stages/simulate/scene_file.hpp"
 
 namespace viscera {

@@ -9,17 +9,16 @@
 #include <fstream>
 #include <functional>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "sim/explicit_limit.hpp"
-#include "sim/locking.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "sim/measures/explicit_limit.hpp"
+#include "sim/measures/stability.hpp"
+#include "sim/model/locking.hpp"
+#include "sim/model/start.hpp"
 #include "sim/solvers/time_rule.hpp"
-#include "sim/solvers/viscous_step.hpp"
-#include "sim/stability.hpp"
-#include "sim/start.hpp"
-#include "stages/common/tet_io.hpp"
-#include "stages/common/trajectory_io.hpp"
+#include "sim/solvers/xpbd/viscous_step.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/frame_loop.hpp"
@@ -30,6 +29,7 @@
 #include "stages/simulate/schedule.hpp"
 #include "stages/simulate/setup.hpp"
 #include "stages/simulate/solver_choice.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 
 namespace viscera {
 namespace {
@@ -38,7 +38,7 @@ constexpr double m3_to_ml = 1e6;
 
 // Of the damping asked for: less than the first is worth a warning, less than the second is another
 // material than the scene's.
-constexpr double full_damping = 0.95, least_damping = 0.5;
+constexpr double full_damping = 0.95, min_damping = 0.5;
 // Of the bound on the solver's error at rest, which is large on Delaunay meshes.
 constexpr double worth_a_warning = 0.1;
 
@@ -146,7 +146,8 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
             1e3 * scene.time.substep_s(), second ? "second" : "first");
 }
 
-// Linear tets that can hardly bend (sim/locking.hpp), said before the run. PBD knows no material.
+// Linear tets that can hardly bend (sim/model/locking.hpp), said before the run. PBD knows no
+// material.
 void report_locking(StageRun& run, const sim::Model& model, const sim::SolverOptions& options) {
   const bool is_linear = options.method != sim::Method::fem || options.fem.order == 1;
   if (!is_linear || options.method == sim::Method::pbd) return;
@@ -170,7 +171,7 @@ void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& 
   const auto force = sim::ExplicitDamping::of(model, acts_s / solver.damping_passes());
   const bool solved = solver.solves_damping();
   run.metric("viscosity_lowered", solved ? 0.0 : force.lowered);
-  run.gate(simulate_gates::damping_acting, solved ? 1.0 : force.share, least_damping);
+  run.gate(simulate_gates::damping_acting, solved ? 1.0 : force.share, min_damping);
   if (solved) {
     const double every = sim::ViscousStep::of(model, scene, acts_s).tau();
     log::info(

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <limits>
 
-#include "pipeline/contract/error.hpp"
-#include "stages/common/image_io.hpp"
-#include "stages/common/material_params.hpp"
+#include "pipeline/base/error.hpp"
+#include "stages/image/image_io.hpp"
+#include "stages/mesh/material_params.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;

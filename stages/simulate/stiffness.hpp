@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "stages/common/tet_mesh.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
 

@@ -1,7 +1,7 @@
 // The contour of a field as closed, outward-oriented triangles, through VTK's flying edges.
 #pragma once
 
-#include "stages/common/surface_mesh.hpp"
+#include "stages/mesh/surface_mesh.hpp"
 #include "stages/surface/mask.hpp"
 
 namespace viscera {

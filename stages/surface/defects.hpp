@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "stages/common/surface_mesh.hpp"
+#include "stages/mesh/surface_mesh.hpp"
 
 namespace viscera {
 

@@ -7,8 +7,8 @@
 #include <map>
 #include <set>
 
-#include "sim/parallel.hpp"
-#include "stages/common/label_components.hpp"
+#include "sim/base/parallel.hpp"
+#include "stages/image/label_components.hpp"
 
 namespace viscera {
 namespace {

@@ -2,7 +2,7 @@
 // smoothing lost thin parts. Lengths in mm.
 #pragma once
 
-#include "stages/common/surface_mesh.hpp"
+#include "stages/mesh/surface_mesh.hpp"
 #include "stages/surface/mask.hpp"
 
 namespace viscera {

@@ -2,7 +2,7 @@
 // volume.
 #pragma once
 
-#include "stages/common/label_field.hpp"
+#include "stages/image/label_field.hpp"
 
 namespace viscera {
 

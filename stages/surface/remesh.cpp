@@ -31,9 +31,9 @@ using Tree =
     CGAL::AABB_tree<CGAL::AABB_traits<Kernel, CGAL::AABB_face_graph_triangle_primitive<Mesh>>>;
 
 constexpr int rounds = 20;
-constexpr double reach = 1.5;      // of a bad place, in edges: points within are kept
-constexpr double most_kept = 0.3;  // of all points; beyond that shorter edges do better
-constexpr double shorter = 0.6;    // edges of then, of those before
+constexpr double reach = 1.5;     // of a bad place, in edges: points within are kept
+constexpr double max_kept = 0.3;  // of all points; beyond that shorter edges do better
+constexpr double shorter = 0.6;   // edges of then, of those before
 
 Mesh to_mesh(const SurfaceMesh& surface) {
   std::vector<Point> points;
@@ -197,7 +197,7 @@ Remeshed remesh(const SurfaceMesh& surface, double edge, double within) {
                                distance_to(tree_of(now), original, within, bad));
     if (bad.empty()) return result;
     keep_around(original, bad, reach * edge, kept);
-    if (share_of(kept) <= most_kept) continue;
+    if (share_of(kept) <= max_kept) continue;
     edge *= shorter;
     kept.assign(kept.size(), false);
   }

@@ -1,7 +1,7 @@
 // Fewer triangles for a surface, within a distance of it.
 #pragma once
 
-#include "stages/common/surface_mesh.hpp"
+#include "stages/mesh/surface_mesh.hpp"
 
 namespace viscera {
 

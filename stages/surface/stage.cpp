@@ -11,10 +11,10 @@
 #include <cmath>
 #include <future>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "stages/common/image_io.hpp"
-#include "stages/common/surface_io.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "stages/image/image_io.hpp"
+#include "stages/mesh/surface_io.hpp"
 #include "stages/surface/contour.hpp"
 #include "stages/surface/defects.hpp"
 #include "stages/surface/distance.hpp"

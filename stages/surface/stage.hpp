@@ -1,7 +1,7 @@
 // viscera-surface: labels.nrrd in, surface.vtp out.
 #pragma once
 
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera {
 

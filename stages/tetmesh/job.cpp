@@ -6,11 +6,11 @@
 #include <cmath>
 #include <set>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "stages/common/image_io.hpp"
-#include "stages/common/label_components.hpp"
-#include "stages/common/surface_io.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "stages/image/image_io.hpp"
+#include "stages/image/label_components.hpp"
+#include "stages/mesh/surface_io.hpp"
 #include "stages/tetmesh/exchange/hxt.hpp"
 #include "stages/tetmesh/generate/nesting.hpp"
 #include "stages/tetmesh/generate/order.hpp"

@@ -6,8 +6,8 @@
 #include <memory>
 #include <optional>
 
-#include "stages/common/stage_main.hpp"
-#include "stages/common/tet_topology.hpp"
+#include "stages/mesh/tet_topology.hpp"
+#include "stages/program/stage_main.hpp"
 #include "stages/tetmesh/generate/mesh.hpp"
 #include "stages/tetmesh/generate/size_field.hpp"
 #include "stages/tetmesh/improve/improve.hpp"

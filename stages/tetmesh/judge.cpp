@@ -6,9 +6,9 @@
 #include <cmath>
 #include <limits>
 
-#include "pipeline/contract/log.hpp"
-#include "stages/common/tet_topology.hpp"
-#include "stages/common/vec.hpp"
+#include "pipeline/base/log.hpp"
+#include "stages/mesh/tet_topology.hpp"
+#include "stages/mesh/vec.hpp"
 #include "stages/tetmesh/gates.hpp"
 #include "stages/tetmesh/quality/distance.hpp"
 
@@ -304,7 +304,7 @@ Json judge_time_step(StageRun& run, const TetMesh& mesh, const std::vector<TetQu
   const TimeStep found = assess_time_step(mesh, quality, goal);
   Json result{{"substeps_needed", found.substeps_needed}, {"labels", Json::array()}};
   log::info("stable from {:.0f} substeps a frame on (Cs <= 0.6)", found.substeps_needed);
-  for (const auto& [label, least] : least_altitudes(goal)) {
+  for (const auto& [label, least] : min_altitudes(goal)) {
     const auto altitude = found.altitude.find(label);
     if (altitude == found.altitude.end()) continue;
     const std::string& name = mesh.label_names.at(label);
@@ -325,9 +325,9 @@ Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& qu
             mesh.points.size(), smallest, mean);
   Json report{{"tets", mesh.tets.size()}, {"points", mesh.points.size()}};
   report["volume"] = judge_volumes(run, mesh, quality, wanted);
-  const auto least_angle = run.param<double>("min_dihedral");
-  run.gate(mesh_gates::min_dihedral, smallest, least_angle,
-           {.at = places_below(summary["dihedral_min"], least_angle)});
+  const auto min_angle = run.param<double>("min_dihedral");
+  run.gate(mesh_gates::min_dihedral, smallest, min_angle,
+           {.at = places_below(summary["dihedral_min"], min_angle)});
   report["topology"] = judge_topology(run, mesh, wanted, summary["volume"]);
   std::optional<SurfaceDistance> distance;
   if (wanted.surface) distance = judge_distance(run, mesh, wanted, report);

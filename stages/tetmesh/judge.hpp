@@ -4,8 +4,8 @@
 
 #include <optional>
 
-#include "stages/common/stage_main.hpp"
-#include "stages/common/surface_mesh.hpp"
+#include "stages/mesh/surface_mesh.hpp"
+#include "stages/program/stage_main.hpp"
 #include "stages/tetmesh/quality/label_loss.hpp"
 #include "stages/tetmesh/quality/measure.hpp"
 #include "stages/tetmesh/quality/time_step.hpp"

@@ -8,10 +8,10 @@
 #include <cmath>
 #include <ctime>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
-#include "stages/common/surface_io.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "stages/mesh/surface_io.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
 #include "stages/tetmesh/exchange/gmsh_session.hpp"
 #include "stages/tetmesh/exchange/import.hpp"

@@ -1,7 +1,7 @@
 // viscera-tetmesh: labels and/or a surface in, mesh.vtu and quality.json out.
 #pragma once
 
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera {
 

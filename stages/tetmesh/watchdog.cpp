@@ -8,8 +8,8 @@
 #include <limits>
 #include <string>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 
 namespace viscera {
 namespace {

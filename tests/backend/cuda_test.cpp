@@ -9,13 +9,13 @@
 #include <future>
 #include <set>
 
-#include "sim/refusal.hpp"
-#include "sim/stability.hpp"
-#include "stages/common/tet_io.hpp"
+#include "sim/base/refusal.hpp"
+#include "sim/measures/stability.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/scene_file.hpp"
 #include "tests/backend/host_blocks.hpp"
-#include "tests/sim/flap.hpp"
+#include "tests/sim/effects/flap.hpp"
 #include "tests/sim/loaded_bodies.hpp"
 
 namespace viscera::sim {

@@ -24,15 +24,15 @@ class HostBlocks final : public Solver {
         linearized_(linearized),
         constants_(layout_.constants(program_)),
         v_(layout_.locals().size()),
-        u_(layout_.copies_in(layout_.block_count() - 1).end),
+        u_(layout_.replicas_in(layout_.block_count() - 1).end),
         d_(u_.size()),
-        carried_(u_.size()) {
+        duals_(u_.size()) {
     for (int block = 0; block < layout_.block_count(); ++block) {
       const int first = layout_.locals_in(block).begin;
       for_each_local(block, [&](const auto& x, int i, int) {
-        VertexNow<T>(x, i).for_each_copy([&](int copy) {
-          x.u[copy].w = constants_.inverse_mass[first + i];
-          x.d[copy].w = constants_.mobility[first + i];
+        VertexNow<T>(x, i).for_each_replica([&](int replica) {
+          x.u[replica].w = constants_.inverse_mass[first + i];
+          x.d[replica].w = constants_.mobility[first + i];
         });
       });
     }
@@ -46,7 +46,7 @@ class HostBlocks final : public Solver {
           const bool linearizes = linearized && layout_.linearizes(effect, program_, cs);
           auto& own = std::get<i>(own_).emplace_back(
               new ElementsOf<Effect>{layout_.lay_out(effect, program_, linearizes), {}});
-          own->memory.resize(own->rest.size() * memory_of<Effect>);
+          own->history.resize(own->rest.size() * history_of<Effect>);
           own->linearizes = linearizes;
         }
       }
@@ -68,9 +68,9 @@ class HostBlocks final : public Solver {
             [&] {
               for (int i = 0; i < x.count; ++i) load_local(scenes_[block], step, x, i);
             },
-            [&] { offset_copies(x, 0, 1); });
+            [&] { offset_replicas(x, 0, 1); });
         for (int i = 0; i < x.count; ++i) {
-          sums.push_back(sum_of_copies(scenes_[block], x, VertexNow<T>(x, i)));
+          sums.push_back(sum_of_replicas(scenes_[block], x, VertexNow<T>(x, i)));
         }
       }
       for (int block = 0; block < layout_.block_count(); ++block) {
@@ -91,22 +91,23 @@ class HostBlocks final : public Solver {
       const Range locals = layout_.locals_in(block);
       for (int i = locals.begin; i < locals.end; ++i) {
         const int vertex = layout_.locals()[i].vertex;
-        const int copy = layout_.copies_in(block).begin + constants_.copies[i].begin;
-        state.u[vertex] = cast<double>(u_[copy].v);
+        const int replica = layout_.replicas_in(block).begin + constants_.replicas[i].begin;
+        state.u[vertex] = cast<double>(u_[replica].v);
         state.v[vertex] = cast<double>(v_[i]);
       }
     }
-    state.carried = cast_all<double>(carried_);
+    state.duals = cast_all<double>(duals_);
     return state;
   }
   void set_state(const State& state) override {
     for (int block = 0; block < layout_.block_count(); ++block) {
       for_each_local(block, [&](const auto& x, int i, int vertex) {
-        VertexNow<T>(x, i).for_each_copy([&](int copy) { x.u[copy].v = cast<T>(state.u[vertex]); });
+        VertexNow<T>(x, i).for_each_replica(
+            [&](int replica) { x.u[replica].v = cast<T>(state.u[vertex]); });
         x.v[i] = cast<T>(state.v[vertex]);
       });
     }
-    carried_ = state.carried_by<T>(carried_.size());
+    duals_ = state.duals_for<T>(duals_.size());
     step_ = state.step;
   }
   void retune(const Model& model, const Scene& scene) override {
@@ -141,7 +142,7 @@ class HostBlocks final : public Solver {
   requires(Effect::kind == EffectKind::element) struct ElementsOf<Effect, U>
       : BlockElements<Effect, U> {
     Planes<AlignedRest<typename Effect::template Rest<U>>> planes;  // of `rest`
-    std::vector<U> memory;
+    std::vector<U> history;
     bool linearizes = true;
   };
   template <class Effect>
@@ -162,12 +163,12 @@ class HostBlocks final : public Solver {
           if constexpr (Effect::kind == EffectKind::element) {
             auto& own = *std::get<i>(own_)[k];
             EffectView<Effect, T> all{
-                own.vertices.data(),    {}, own.memory.data(), own.phase_begin.data(),
+                own.vertices.data(),    {}, own.history.data(), own.phase_begin.data(),
                 own.block_phase.data(), -1, own.linearizes};
             for (std::size_t p = 0; p < own.planes.size(); ++p) {
               all.rest.planes[p] = own.planes[p].data();
             }
-            tables_.emplace_back(table_size(own.most_phases()));
+            tables_.emplace_back(table_size(own.max_phases()));
             view_of_block(all, block, 0, 1, tables_.back().data(), views.emplace_back());
           } else if constexpr (requires { effect.device; }) {
             views.push_back({effect.device});
@@ -180,20 +181,20 @@ class HostBlocks final : public Solver {
   }
 
   BlockVertices<T> vertices(int block) {
-    const int copy = layout_.copies_in(block).begin;
+    const int replica = layout_.replicas_in(block).begin;
     const Range locals = layout_.locals_in(block);
     const int first = locals.begin;
-    return {u_.data() + copy,
-            d_.data() + copy,
-            carried_.data() + copy,
+    return {u_.data() + replica,
+            d_.data() + replica,
+            duals_.data() + replica,
             v_.data() + first,
             corrections_.data() + contacts_ * first,
             constants_.rest.data() + first,
-            constants_.copies.data() + first,
+            constants_.replicas.data() + first,
             constants_.share.data() + first,
             constants_.leader.empty() ? nullptr : constants_.leader.data() + first,
             locals.end - first,
-            layout_.several_in(block).end - copy};
+            layout_.replicated_in(block).end - replica};
   }
   // function(block's vertices, index among them, vertex)
   template <class Function>
@@ -206,13 +207,13 @@ class HostBlocks final : public Solver {
   template <class Effect>
   void sweep(const BlockView<Effect, T>& view, const BlockVertices<T>& x) {
     constexpr int arity = Effect::arity;
-    const auto memory = [&view](int e) { return view.memory + e * memory_of<Effect>; };
+    const auto history = [&view](int e) { return view.history + e * history_of<Effect>; };
     const int end = view.phase_begin[view.phases];
     if constexpr (is_linearizable<Effect>) {
       if (view.linearizes) {
         std::vector<LinearizedElement<Effect, T>> linearized(end);
         for (int e = 0; e < end; ++e) {
-          linearize_element<Effect>(x, view.vertices[e], view.rest[e].rest, memory(e),
+          linearize_element<Effect>(x, view.vertices[e], view.rest[e].rest, history(e),
                                     linearized[e]);
         }
         for (const auto& element : linearized) {
@@ -224,7 +225,7 @@ class HostBlocks final : public Solver {
     for (int e = 0; e < end; ++e) {
       Vec3<T> u[arity];
       displacements_at_start(x, view.vertices[e], u);
-      solve_element<Effect>(x, view.vertices[e], view.rest[e].rest, memory(e), u,
+      solve_element<Effect>(x, view.vertices[e], view.rest[e].rest, history(e), u,
                             Rows<T, arity>(x.d, view.vertices[e]));
     }
   }
@@ -241,7 +242,7 @@ class HostBlocks final : public Solver {
   LocalConstants<T> constants_;
   std::vector<Vec3<T>> v_, corrections_;
   std::vector<Row<T>> u_, d_;
-  std::vector<Vec3<T>> carried_;
+  std::vector<Vec3<T>> duals_;
 };
 
 }  // namespace viscera::sim

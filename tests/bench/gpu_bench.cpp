@@ -17,9 +17,9 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "sim/solvers/make.hpp"
-#include "sim/stability.hpp"
-#include "stages/common/tet_io.hpp"
+#include "sim/make.hpp"
+#include "sim/measures/stability.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera {
@@ -30,7 +30,7 @@ using sim::Model, sim::Precision, sim::Scheme, sim::State, sim::Vec3;
 constexpr int motion_frames = 30;  // of 1/60 s
 constexpr int reference_substeps = 512;
 constexpr int rest_substeps = 256;  // off by a hundredth of a percent: it falls with their square
-constexpr std::size_t most_tets_for_newton = 60'000;
+constexpr std::size_t max_tets_for_newton = 60'000;
 
 struct Row {
   const char* name;
@@ -112,7 +112,7 @@ State by_settling(const Model& model) {
 }
 // Where it hangs still.
 State equilibrium(const Model& model) {
-  const bool is_small = model.tet_count() <= most_tets_for_newton;
+  const bool is_small = model.tet_count() <= max_tets_for_newton;
   State state = is_small ? by_newton(model) : by_settling(model);
   state.step = 0;
   return state;
@@ -150,15 +150,15 @@ Bound bound_of(const sim::SubstepWork& work, std::size_t tets) {
   constexpr double cache_bytes_a_us = 8.0e6, memory_bytes_a_us = 4.4e6;
   constexpr double phase_cycles = 160, meeting_cycles = 1500;  // one element; two trips to L2
   constexpr double launch_us = 0.55;                           // an empty node of a graph
-  const double far_rate = work.far_bytes <= cache_bytes ? cache_bytes_a_us : memory_bytes_a_us;
+  const double far_rate = work.global_bytes <= cache_bytes ? cache_bytes_a_us : memory_bytes_a_us;
   const double in_order = work.launches > 0
                               ? work.launches * launch_us
                               : (work.phases * phase_cycles + meeting_cycles) / cycles_a_us;
   const std::array<Bound, 4> all{
       {{instructions * static_cast<double>(tets) / (processors * lanes * cycles_a_us),
         "arithmetic"},
-       {work.close_bytes / (processors * close_bytes_a_cycle * cycles_a_us), "shared memory"},
-       {work.far_bytes / far_rate, "memory"},
+       {work.shared_bytes / (processors * close_bytes_a_cycle * cycles_a_us), "shared memory"},
+       {work.global_bytes / far_rate, "memory"},
        {in_order, "latency"}}};
   return std::ranges::max(all, {}, &Bound::us);
 }
@@ -191,7 +191,7 @@ void run(const sim::Material& material, const char* file, std::string& csv) {
     const double cs = assess(model, tissue(row.substeps)).cs_max;
     const double us = 1e3 * times.median / row.substeps;
     const sim::SubstepWork work = solver->substep_work();
-    const double bytes = work.close_bytes + work.far_bytes;
+    const double bytes = work.shared_bytes + work.global_bytes;
     const Bound bound = bound_of(work, model.tet_count());
     const std::string line = fmt::format(
         "{:<18} {:3} substeps {:8.3f} ms a frame ({:.3f}, {:.3f}) {:7.2f} us a substep, error "

@@ -15,10 +15,10 @@
 #include <thread>
 #include <tuple>
 
-#include "sim/refusal.hpp"
-#include "sim/solvers/make.hpp"
-#include "sim/solvers/scheme_choice.hpp"
-#include "stages/common/tet_io.hpp"
+#include "sim/base/refusal.hpp"
+#include "sim/make.hpp"
+#include "sim/scheme_choice.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera {

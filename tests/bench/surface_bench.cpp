@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/param.hpp"
 #include "pipeline/engine/programs/process.hpp"
 
 namespace {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 #include "tests/cli/workplace.hpp"
 
 namespace viscera::test {

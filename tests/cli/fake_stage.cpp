@@ -11,12 +11,12 @@
 #include <iostream>
 #include <thread>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/contract/input_digest.hpp"
-#include "pipeline/contract/log.hpp"
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace {
 

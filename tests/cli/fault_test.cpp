@@ -10,7 +10,7 @@
 #include <random>
 #include <thread>
 
-#include "pipeline/contract/digest.hpp"
+#include "pipeline/base/digest.hpp"
 #include "tests/cli/workplace.hpp"
 
 namespace viscera::test {

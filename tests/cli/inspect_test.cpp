@@ -1,7 +1,7 @@
 // Commands that look: why, status, graph and where a file comes from. None of them writes anything.
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 #include "tests/cli/workplace.hpp"
 
 namespace viscera::test {

@@ -7,7 +7,7 @@
 #include <sstream>
 #include <thread>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 #include "tests/cli/workplace.hpp"
 
 namespace viscera::test {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 
 namespace viscera::test {
 

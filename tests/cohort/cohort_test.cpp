@@ -5,7 +5,7 @@
 
 #include <cstdlib>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 #include "tests/cli/workplace.hpp"
 #include "tests/common/needs.hpp"
 

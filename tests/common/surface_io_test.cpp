@@ -1,10 +1,10 @@
 // surface.vtp of others: what is no label is refused before it becomes an integer.
-#include "stages/common/surface_io.hpp"
+#include "stages/mesh/surface_io.hpp"
 
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace {

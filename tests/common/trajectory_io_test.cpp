@@ -1,4 +1,4 @@
-#include "stages/common/trajectory_io.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 
 #include <gtest/gtest.h>
 #include <hdf5.h>
@@ -9,8 +9,8 @@
 #include <functional>
 #include <limits>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace {

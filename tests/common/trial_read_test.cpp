@@ -1,5 +1,5 @@
 // A first reading in a process of its own: every way in which a reader ends is told from a return.
-#include "stages/common/trial_read.hpp"
+#include "pipeline/base/trial_read.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,10 +2,10 @@
 
 #include <filesystem>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/contract/manifest.hpp"
 
 namespace viscera {

@@ -1,5 +1,5 @@
 // JSON of strangers: what is missing, of another type or too deep is an error that names its place.
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/json_value.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

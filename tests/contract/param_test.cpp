@@ -1,9 +1,9 @@
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 
 namespace viscera {
 namespace {

@@ -1,4 +1,4 @@
-#include "pipeline/contract/units.hpp"
+#include "pipeline/base/units.hpp"
 
 #include <gtest/gtest.h>
 

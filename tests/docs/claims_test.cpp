@@ -9,7 +9,7 @@
 #include <set>
 #include <sstream>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "tests/docs/figures.hpp"
 
 namespace viscera {

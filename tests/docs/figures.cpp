@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 
 namespace viscera {
 namespace {

@@ -8,8 +8,8 @@
 #include <set>
 #include <sstream>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "sim/effects/list.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "sim/scene/list.hpp"
 #include "tests/docs/figures.hpp"
 
 namespace viscera {
@@ -90,7 +90,7 @@ TEST(ArchitectureDocument, ItsExitCodesAreThoseOfThePrograms) {
     }
     return found;
   };
-  const auto codes = numbers(read_file("pipeline/contract/exit_code.hpp"), R"(\w+ = (\d+),)");
+  const auto codes = numbers(read_file("pipeline/base/exit_code.hpp"), R"(\w+ = (\d+),)");
   EXPECT_GT(codes.size(), 5u);
   EXPECT_EQ(numbers(read_file("ARCHITECTURE.md"), R"(\n\| (\d+) \|)"), codes);
 }

@@ -5,8 +5,8 @@
 
 #include <chrono>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace {

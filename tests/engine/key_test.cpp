@@ -4,8 +4,8 @@
 #include <fstream>
 #include <thread>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
 #include "pipeline/engine/plan/explain.hpp"
 #include "pipeline/engine/store/digest_cache.hpp"
 

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 
 namespace viscera {
 namespace {

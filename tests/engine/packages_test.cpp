@@ -4,7 +4,7 @@
 
 #include <fstream>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "pipeline/engine/programs/process.hpp"
 
 namespace viscera {

@@ -2,8 +2,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
 #include "pipeline/engine/plan/case_report.hpp"
 #include "pipeline/engine/run/inspect.hpp"
 #include "pipeline/engine/run/run_folders.hpp"

@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
 
 namespace viscera {
 namespace {

@@ -3,9 +3,9 @@
 
 #include <fstream>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/yaml_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/yaml_file.hpp"
 
 namespace viscera {
 namespace {

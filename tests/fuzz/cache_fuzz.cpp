@@ -4,8 +4,8 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "pipeline/contract/digest.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/digest.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/engine/store/store.hpp"
 #include "tests/fuzz/fuzz_file.hpp"
 

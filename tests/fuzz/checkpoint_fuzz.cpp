@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "pipeline/contract/digest.hpp"
-#include "stages/common/trial_read.hpp"
+#include "pipeline/base/digest.hpp"
+#include "pipeline/base/trial_read.hpp"
 #include "stages/simulate/checkpoint.hpp"
 #include "tests/fuzz/fuzz_file.hpp"
 #include "tests/fuzz/hostile_hdf5.hpp"

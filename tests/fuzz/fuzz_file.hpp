@@ -6,8 +6,8 @@
 #include <fstream>
 #include <string>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera::fuzz {
 

@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <limits>
 
-#include "stages/common/hdf5_file.hpp"
+#include "stages/trajectory/hdf5_file.hpp"
 
 namespace viscera::fuzz {
 namespace {
 
 using hdf5::Handle;
 
-constexpr double most_bytes = 1 << 16;  // of values that are written
+constexpr double max_bytes = 1 << 16;  // of values that are written
 
 // Around 2^31, 2^32 and 2^63 sizes wrap.
 constexpr hsize_t extents[] = {0,
@@ -164,7 +164,7 @@ void write_values(hid_t set, const Expected& expected, const std::vector<hsize_t
   // The library's count wraps around: extents of 2^62 and 4 are none to it.
   double claimed = static_cast<double>(std::max<std::size_t>(bytes, 8));
   for (const hsize_t n : shape) claimed *= static_cast<double>(n);
-  if (count <= 0 || claimed > most_bytes) return;
+  if (count <= 0 || claimed > max_bytes) return;
   if (kind == H5T_INTEGER || kind == H5T_FLOAT) {
     std::vector<double> values = expected.values;
     values.resize(static_cast<std::size_t>(count));

@@ -4,8 +4,8 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/contract/manifest.hpp"
 
 namespace {

@@ -4,11 +4,11 @@
 #include <filesystem>
 #include <iostream>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "stages/common/surface_io.hpp"
-#include "stages/common/tet_io.hpp"
-#include "stages/common/trajectory_io.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "stages/mesh/surface_io.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 
 namespace {
 

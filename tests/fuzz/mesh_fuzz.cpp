@@ -2,9 +2,9 @@
 // some inputs, and run in a process of their own (trial_read.hpp). So the fuzzer asks what a user
 // may: that the reader returns or throws Error. It is slow, for it starts up to three processes an
 // input. FUZZ_FILE names the file; its ending chooses the reader.
-#include "pipeline/contract/log.hpp"
-#include "stages/common/surface_io.hpp"
-#include "stages/common/tet_io.hpp"
+#include "pipeline/base/log.hpp"
+#include "stages/mesh/surface_io.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/tetmesh/exchange/import.hpp"
 #include "tests/fuzz/fuzz_file.hpp"
 

@@ -6,9 +6,9 @@
 #include <fstream>
 #include <string>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "stages/common/image_io.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "stages/image/image_io.hpp"
 #include "stages/labels/dicom_stack.hpp"
 
 namespace {

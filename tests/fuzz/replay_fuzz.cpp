@@ -1,7 +1,7 @@
 // A log of what a hand has done (viscera-live --replay) under libFuzzer: the log is read or
 // refused, each of its commands is taken or refused, and the body goes on being simulated. The
 // bytes are read twice: as they are, and as the lines below the header that belongs to the body.
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/log.hpp"
 #include "sim/solvers/solver.hpp"
 #include "stages/live/input.hpp"
 #include "stages/simulate/stage.hpp"
@@ -14,7 +14,7 @@ using namespace viscera;
 using namespace viscera::live;
 
 constexpr std::uint64_t frames = 8;  // that are simulated; what is asked later comes at once
-constexpr int most_substeps = 64;    // a frame; a log may ask for a million
+constexpr int max_substeps = 64;     // a frame; a log may ask for a million
 
 constexpr const char* scene = R"(scene: 1
 materials:
@@ -48,7 +48,7 @@ void take(const std::vector<Command>& commands) {
 void follow(Replay& replay) {
   for (std::uint64_t frame = 0; frame < frames; ++frame) {
     take(replay.before(frame));
-    if (world().setting()->scene.time.substeps > most_substeps) break;
+    if (world().setting()->scene.time.substeps > max_substeps) break;
     try {
       world().advance();
     } catch (const sim::Diverged&) {

@@ -4,10 +4,10 @@
 // (trial_read.hpp), which is slow.
 #include <cstdlib>
 
-#include "stages/common/trajectory_io.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 #include "tests/fuzz/fuzz_file.hpp"
 #ifndef FUZZ_BYTES
-#include "stages/common/trial_read.hpp"
+#include "pipeline/base/trial_read.hpp"
 #include "tests/fuzz/hostile_hdf5.hpp"
 
 // In place of the library's: no other process.

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "stages/common/tet_topology.hpp"
+#include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/improve/improve_stars.hpp"
 #include "tests/geometry/improve_shapes.hpp"
 

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "stages/common/tet_topology.hpp"
+#include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/quality/measure.hpp"
 
 namespace viscera::testing {

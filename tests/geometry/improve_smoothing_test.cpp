@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "stages/common/tet_topology.hpp"
+#include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/improve/improve_stars.hpp"
 #include "tests/geometry/improve_shapes.hpp"
 

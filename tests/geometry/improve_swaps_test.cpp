@@ -6,7 +6,7 @@
 #include <numbers>
 #include <random>
 
-#include "stages/common/tet_topology.hpp"
+#include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/improve/improve_stars.hpp"
 #include "tests/geometry/improve_shapes.hpp"
 

@@ -3,10 +3,10 @@
 
 #include <cmath>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "stages/common/image_io.hpp"
-#include "stages/common/label_components.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "stages/image/image_io.hpp"
+#include "stages/image/label_components.hpp"
 #include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"
 #include "stages/labels/stage.hpp"

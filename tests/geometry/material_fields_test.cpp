@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "stages/common/vec.hpp"
+#include "stages/mesh/vec.hpp"
 #include "stages/tetmesh/generate/mesh.hpp"
 #include "stages/tetmesh/generate/size_field.hpp"
 #include "tests/geometry/shapes.hpp"

@@ -3,11 +3,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "sample_data/phantom_grid.hpp"
 #include "sample_data/phantom_shape.hpp"
-#include "stages/common/image_io.hpp"
-#include "stages/common/label_components.hpp"
+#include "stages/image/image_io.hpp"
+#include "stages/image/label_components.hpp"
 
 namespace viscera {
 namespace {

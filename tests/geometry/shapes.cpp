@@ -5,9 +5,9 @@
 #include <map>
 #include <random>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/log.hpp"
-#include "stages/common/vec.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/log.hpp"
+#include "stages/mesh/vec.hpp"
 
 namespace viscera::testing {
 

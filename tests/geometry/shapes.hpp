@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/param.hpp"
-#include "stages/common/label_image.hpp"
-#include "stages/common/stage_main.hpp"
-#include "stages/common/surface_mesh.hpp"
-#include "stages/common/tet_mesh.hpp"
+#include "pipeline/base/param.hpp"
+#include "stages/image/label_image.hpp"
+#include "stages/mesh/surface_mesh.hpp"
+#include "stages/mesh/tet_mesh.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera::testing {
 

@@ -3,11 +3,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "stages/common/image_io.hpp"
-#include "stages/common/label_field.hpp"
-#include "stages/common/surface_io.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "stages/image/image_io.hpp"
+#include "stages/image/label_field.hpp"
+#include "stages/mesh/surface_io.hpp"
 #include "stages/surface/contour.hpp"
 #include "stages/surface/defects.hpp"
 #include "stages/surface/distance.hpp"

@@ -10,10 +10,10 @@
 #include <set>
 #include <sstream>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "stages/common/tet_io.hpp"
-#include "stages/common/tet_topology.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "stages/mesh/tet_io.hpp"
+#include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
 #include "stages/tetmesh/exchange/import.hpp"
 #include "stages/tetmesh/quality/distance.hpp"

@@ -1,12 +1,12 @@
-#include "stages/common/tet_io.hpp"
+#include "stages/mesh/tet_io.hpp"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace {

@@ -11,7 +11,7 @@
 #include <numbers>
 #include <random>
 
-#include "stages/common/tet_topology.hpp"
+#include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/quality/measure.hpp"
 
 namespace viscera {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "stages/common/tet_topology.hpp"
-#include "stages/common/vec.hpp"
+#include "stages/mesh/tet_topology.hpp"
+#include "stages/mesh/vec.hpp"
 #include "tests/geometry/tetmesh_run.hpp"
 
 namespace viscera {

@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "stages/common/image_io.hpp"
-#include "stages/common/surface_io.hpp"
-#include "stages/common/tet_io.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "stages/image/image_io.hpp"
+#include "stages/mesh/surface_io.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/tetmesh/stage.hpp"
 #include "tests/geometry/shapes.hpp"
 

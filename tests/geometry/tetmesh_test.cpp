@@ -3,8 +3,8 @@
 #include <set>
 #include <thread>
 
-#include "stages/common/tet_topology.hpp"
 #include "stages/labels/stage.hpp"
+#include "stages/mesh/tet_topology.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/geometry/tetmesh_run.hpp"
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numeric>
 
-#include "sim/refusal.hpp"
+#include "sim/base/refusal.hpp"
 #include "tests/hard_cases/cases.hpp"
 
 namespace viscera::sim {

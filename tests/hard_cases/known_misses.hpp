@@ -1,6 +1,6 @@
 // The hard cases that fail, with the figure reached (miss_of): the suite is green only while none
 // gets worse. The table says "failed" all the same. Where viscosity was lowered on fewer tets
-// (effects/viscosity.hpp) one seed of the scramble, the twist by colours and PBD's single
+// (effects/laws/viscosity.hpp) one seed of the scramble, the twist by colours and PBD's single
 // projection became worse, the twist by Jacobi recovered.
 #pragma once
 

@@ -3,7 +3,7 @@
 // and the distance from a rigid copy of the rest shape count.
 #include <fmt/format.h>
 
-#include "sim/start.hpp"
+#include "sim/model/start.hpp"
 #include "tests/hard_cases/cases.hpp"
 
 namespace viscera::sim {

@@ -2,8 +2,8 @@
 // label by label, and refused where it cannot be theirs.
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "stages/common/image_io.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "stages/image/image_io.hpp"
 #include "stages/labels/stage.hpp"
 #include "tests/geometry/shapes.hpp"
 #include "tests/images/image_bytes.hpp"

@@ -11,8 +11,8 @@
 // clang-format on
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 #include "stages/labels/dicom_planes.hpp"
 #include "tests/images/image_bytes.hpp"
 

@@ -1,7 +1,7 @@
 // The formats and layouts that segmentations arrive in, each read into the same materials.
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "stages/labels/segmentation.hpp"
 #include "stages/labels/stage.hpp"
 #include "tests/geometry/shapes.hpp"

@@ -7,7 +7,7 @@
 #include <functional>
 #include <limits>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "tests/images/image_bytes.hpp"
 
 namespace viscera::testing {

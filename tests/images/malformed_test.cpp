@@ -5,8 +5,8 @@
 
 #include <algorithm>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/exit_code.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/exit_code.hpp"
 #include "pipeline/engine/programs/process.hpp"
 
 namespace viscera::testing {

@@ -4,10 +4,10 @@
 
 #include <cmath>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "stages/common/image_io.hpp"
-#include "stages/common/label_field.hpp"
-#include "stages/common/surface_mesh.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "stages/image/image_io.hpp"
+#include "stages/image/label_field.hpp"
+#include "stages/mesh/surface_mesh.hpp"
 #include "stages/surface/contour.hpp"
 #include "tests/geometry/shapes.hpp"
 #include "tests/images/image_bytes.hpp"

@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "stages/live/session.hpp"
 #include "stages/simulate/stage.hpp"
 #include "tests/simulate/cube.hpp"

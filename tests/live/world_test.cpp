@@ -1,5 +1,5 @@
 // What a hand does to the body, frame by frame and to the bit.
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 #include "tests/live/live_run.hpp"
 
 namespace viscera::live {

@@ -10,7 +10,7 @@
 #include <mutex>
 #include <thread>
 
-#include "sim/refusal.hpp"
+#include "sim/base/refusal.hpp"
 
 namespace viscera::sim {
 namespace {

@@ -2,7 +2,7 @@
 // judged by. SI units.
 #pragma once
 
-#include "sim/stability.hpp"
+#include "sim/measures/stability.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {

@@ -1,5 +1,5 @@
 // When loads end, and the force that a state lacks of static equilibrium.
-#include "sim/balance.hpp"
+#include "sim/measures/balance.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ struct Forgetful {
   struct Params {};
 };
 struct Rememberer : Forgetful<EffectKind::element> {
-  static constexpr int memory = 1;
+  static constexpr int history = 1;
 };
 static_assert(!StatesItsEnd<Forgetful<EffectKind::motion>>);
 static_assert(!StatesItsEnd<Forgetful<EffectKind::contact>>);
@@ -101,17 +101,17 @@ TEST(Balance, ABranchThatHasNotRelaxedIsLackingAndOneThatHasIsNot) {
         motion.now.u[i] = {0.0, 0.0, 0.1 * motion.model.rest[i].z};
   }
   const Balance balance(motion.model, scene);
-  motion.now.memory.assign(Prony::memory * motion.model.tet_count(), 0.0);
+  motion.now.history.assign(Prony::history * motion.model.tet_count(), 0.0);
   EXPECT_GT(balance.imbalance(motion.first, motion.before, motion.now, 0.0).residual, 0.1);
   for (std::size_t t = 0; t < motion.model.tet_count(); ++t) {
     Vec3<double> u[4];
     for (int i = 0; i < 4; ++i) u[i] = motion.now.u[motion.model.tets[t][i]];
     const auto own = Prony::rest<double>(motion.model, motion.model.tets, t,
                                          {.modulus = 0.5, .time = 1e-3}, 1.0);
-    Prony::remember(own, u, &motion.now.memory[t * Prony::memory]);
+    Prony::update_history(own, u, &motion.now.history[t * Prony::history]);
   }
   EXPECT_LT(balance.imbalance(motion.first, motion.before, motion.now, 0.0).residual, 1e-9);
-  motion.now.memory.clear();  // quasi-static: no branch acts
+  motion.now.history.clear();  // quasi-static: no branch acts
   EXPECT_EQ(balance.imbalance(motion.first, motion.before, motion.now, 0.0).residual, 0.0);
 }
 

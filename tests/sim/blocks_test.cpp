@@ -8,8 +8,8 @@
 #include <ranges>
 #include <set>
 
-#include "sim/diagnostics.hpp"
-#include "sim/stability.hpp"
+#include "sim/measures/stability.hpp"
+#include "sim/scene/diagnostics.hpp"
 #include "tests/backend/host_blocks.hpp"
 #include "tests/sim/shapes.hpp"
 
@@ -48,19 +48,20 @@ Scene hanging_scene() {
 TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
   const Model model = make_cube(5);
   const Program<double> program(model, elastic_scene());
-  constexpr int lanes = 8, most_elements = 6;
-  const BlockLayout layout(model, program, tets_per_block, {lanes, most_elements});
+  constexpr int lanes = 8, max_elements = 6;
+  const BlockLayout layout(model, program, tets_per_block, {lanes, max_elements});
   const auto elements =
       layout.lay_out(std::get<Effects::index_of<NeoHookean>()>(program.effects)[0], program, true);
   std::vector<int> seen(model.tet_count());
   for (const int e : elements.element_of) ++seen[e];
   EXPECT_EQ(seen, std::vector<int>(model.tet_count(), 1));
   for (int block = 0; block < layout.block_count(); ++block) {
-    const int copies = layout.copies_in(block).end - layout.copies_in(block).begin;
-    std::vector<int> met(copies), vertex_of(copies, -1);
+    const int replicas = layout.replicas_in(block).end - layout.replicas_in(block).begin;
+    std::vector<int> met(replicas), vertex_of(replicas, -1);
     for (int i = layout.locals_in(block).begin; i < layout.locals_in(block).end; ++i) {
       const LocalVertex& local = layout.locals()[i];
-      for (int c = local.copies.begin; c < local.copies.end; ++c) vertex_of.at(c) = local.vertex;
+      for (int c = local.replicas.begin; c < local.replicas.end; ++c)
+        vertex_of.at(c) = local.vertex;
     }
     const Range phases = elements.phases_of(block);
     for (int p = phases.begin; p < phases.end; ++p) {
@@ -69,10 +70,11 @@ TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
       EXPECT_LE(end - begin, lanes);
       for (int e = begin; e < end; ++e) {
         for (int i = 0; i < 4; ++i) {
-          const int copy = elements.vertices[e][i];
-          EXPECT_TRUE(in_phase.insert(copy).second);
-          EXPECT_LE(++met[copy], most_elements);
-          EXPECT_EQ(vertex_of.at(copy), model.tets[elements.element_of[e]][elements.roles[e][i]]);
+          const int replica = elements.vertices[e][i];
+          EXPECT_TRUE(in_phase.insert(replica).second);
+          EXPECT_LE(++met[replica], max_elements);
+          EXPECT_EQ(vertex_of.at(replica),
+                    model.tets[elements.element_of[e]][elements.roles[e][i]]);
         }
       }
     }
@@ -167,7 +169,7 @@ TEST(Banks, ElementsThatLoadAtOnceWantRowsOfAllBanks) {
   EXPECT_GE(before, 2.0 * 4 * 16);
 }
 
-TEST(BlockLayout, AVertexWithoutElementsHasACopy) {
+TEST(BlockLayout, AVertexWithoutElementsHasAReplica) {
   const Model model = make_cube(3);
   const Program<double> program(model, particle_scene());
   const BlockLayout layout(model, program, tets_per_block, {32, 16});
@@ -180,7 +182,7 @@ TEST(Blocks, ABodyWithoutForcesStaysStill) {
   EXPECT_LE(largest(after(blocks, 20).u), 1e-9);
 }
 
-TEST(Blocks, AnAverageOfCopiesKeepsMomentum) {
+TEST(Blocks, AnAverageOfReplicasKeepsMomentum) {
   const Model model = make_cube(4);
   HostBlocks<double> blocks(model, elastic_scene(), tets_per_block, true, {32, 6});
   std::mt19937 generator(7);
@@ -234,8 +236,8 @@ double error_at_rest(Solver& solver, const State& equilibrium) {
   return std::sqrt(error / size);
 }
 
-// The stress between blocks is carried by their copies. Torn apart and averaged in every substep,
-// they would rest three times as far off as colours do. What copies carry is no motion: viscosity
+// The stress between blocks is carried by their replicas. Torn apart and averaged in every substep,
+// they would rest three times as far off as colours do. What replicas carry is no motion: viscosity
 // that opposed it would hold the body up.
 TEST(Blocks, ABodyRestsWhereItsStressIsInEquilibrium) {
   for (const bool damped : {false, true}) {
@@ -433,8 +435,8 @@ TEST(Blocks, ABodyWithoutForcesStaysWhereItIsToTheBit) {
   }
 }
 
-// Rate forces act on copies of a vertex before an obstacle stops it. What they did along its normal
-// was counted beside the stop: a velocity v became -s v, and 31 mm/s never died away.
+// Rate forces act on replicas of a vertex before an obstacle stops it. What they did along its
+// normal was counted beside the stop: a velocity v became -s v, and 31 mm/s never died away.
 TEST(Blocks, ADampedBodyOnTheGroundComesToRest) {
   Material damped = soft_tissue;
   damped.damping = 0.02;

@@ -1,5 +1,5 @@
 // The stress that is shown, against closed forms.
-#include "sim/elasticity.hpp"
+#include "sim/scene/elasticity.hpp"
 
 #include <gtest/gtest.h>
 

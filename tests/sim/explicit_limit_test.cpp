@@ -1,9 +1,9 @@
 // The limit of explicit dynamics of a deformed body: that it is where runs begin to blow up.
-#include "sim/explicit_limit.hpp"
+#include "sim/measures/explicit_limit.hpp"
 
 #include <gtest/gtest.h>
 
-#include "sim/stability.hpp"
+#include "sim/measures/stability.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {

@@ -2,8 +2,8 @@
 // steps take.
 #include <gtest/gtest.h>
 
-#include "sim/solvers/fem_step_length.hpp"
-#include "sim/stability.hpp"
+#include "sim/measures/stability.hpp"
+#include "sim/solvers/fem/step_length.hpp"
 #include "tests/sim/swinging_bar.hpp"
 
 namespace viscera::sim {
@@ -105,7 +105,7 @@ TEST(FemStep, AStateGoesOnToTheSameBits) {
     EXPECT_EQ(resumed->state().hash(), whole->state().hash()) << "tets of order " << order;
     State without_past = whole->state();
     without_past.forget_added();
-    without_past.memory.clear();
+    without_past.history.clear();
     resumed->set_state(without_past);
     resumed->advance_frame();
     EXPECT_TRUE(resumed->state().finite());

@@ -9,9 +9,9 @@
 #include <array>
 #include <functional>
 
-#include "sim/solvers/viscous_step.hpp"
-#include "sim/solvers/volume_bound.hpp"
-#include "sim/stability.hpp"
+#include "sim/measures/stability.hpp"
+#include "sim/solvers/xpbd/viscous_step.hpp"
+#include "sim/solvers/xpbd/volume_bound.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {

@@ -4,10 +4,10 @@
 
 #include <limits>
 
-#include "sim/coloring.hpp"
-#include "sim/refusal.hpp"
-#include "sim/stability.hpp"
-#include "sim/start.hpp"
+#include "sim/base/refusal.hpp"
+#include "sim/measures/stability.hpp"
+#include "sim/model/coloring.hpp"
+#include "sim/model/start.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {

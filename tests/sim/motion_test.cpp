@@ -2,7 +2,7 @@
 // and the static bar against an independent code.
 #include <gtest/gtest.h>
 
-#include "sim/solvers/program.hpp"
+#include "sim/solvers/xpbd/program.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {

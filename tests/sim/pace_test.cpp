@@ -1,5 +1,5 @@
 // When several threads give way to one, and come back. Times are made up: no clock is asked.
-#include "sim/backend/pace.hpp"
+#include "sim/backend/cpu/pace.hpp"
 
 #include <gtest/gtest.h>
 

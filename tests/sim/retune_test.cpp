@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "sim/refusal.hpp"
+#include "sim/base/refusal.hpp"
 #include "sim/solvers/ensemble.hpp"
 #include "tests/sim/shapes.hpp"
 
@@ -66,7 +66,7 @@ struct Setting {
 };
 
 bool same_bits(const State& a, const State& b) {
-  return a.u == b.u && a.v == b.v && a.memory == b.memory && a.carried == b.carried &&
+  return a.u == b.u && a.v == b.v && a.history == b.history && a.duals == b.duals &&
          a.step == b.step;
 }
 

@@ -4,9 +4,9 @@
 
 #include <set>
 
-#include "sim/partition.hpp"
-#include "sim/refusal.hpp"
-#include "sim/solvers/scheme_choice.hpp"
+#include "sim/base/refusal.hpp"
+#include "sim/model/partition.hpp"
+#include "sim/scheme_choice.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -154,7 +154,7 @@ TEST(Options, PbdIsRefusedWhatHasAModulusAndTakesWhatStatesAShape) {
                                              "shape_matching"}));
 }
 
-TEST(Blocks, HoldEveryElementOnceAndGiveEveryVertexACopyInEach) {
+TEST(Blocks, HoldEveryElementOnceAndGiveEveryVertexAReplicaInEach) {
   const Model model = make_cube(5);
   const Blocks blocks(model, 100);
   EXPECT_EQ(blocks.count(), (static_cast<int>(model.tet_count()) + 99) / 100);
@@ -166,13 +166,13 @@ TEST(Blocks, HoldEveryElementOnceAndGiveEveryVertexACopyInEach) {
   }
   EXPECT_LE(std::ranges::max(held), 100);
   EXPECT_GE(std::ranges::min(held), 90);
-  split.number_copies();
+  split.number_replicas();
   for (const auto& tet : model.tets) {
     for (const int v : tet) {
-      const int copy = split.copy_of(blocks.block_of(tet), v);
-      EXPECT_EQ(split.vertex_of(copy), v);
-      const auto copies = split.copies_of(v);
-      EXPECT_TRUE(std::ranges::count(copies, copy) == 1);
+      const int replica = split.replica_of(blocks.block_of(tet), v);
+      EXPECT_EQ(split.vertex_of(replica), v);
+      const auto replicas = split.replicas_of(v);
+      EXPECT_TRUE(std::ranges::count(replicas, replica) == 1);
     }
   }
 }

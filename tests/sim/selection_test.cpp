@@ -1,9 +1,9 @@
 // Which vertices and triangles a scene selects, and how a selection of nothing is refused.
-#include "sim/selection.hpp"
+#include "sim/model/selection.hpp"
 
 #include <gtest/gtest.h>
 
-#include "sim/refusal.hpp"
+#include "sim/base/refusal.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {

@@ -3,8 +3,8 @@
 
 #include <random>
 
-#include "sim/diagnostics.hpp"
-#include "sim/solvers/make.hpp"
+#include "sim/make.hpp"
+#include "sim/scene/diagnostics.hpp"
 
 namespace viscera::sim {
 

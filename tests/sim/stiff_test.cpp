@@ -1,7 +1,7 @@
 // Stiff tissue: its damping is solved for, and its elements hold their forces.
-#include "sim/solvers/damping_choice.hpp"
-#include "sim/solvers/held_forces.hpp"
 #include "sim/solvers/time_rule.hpp"
+#include "sim/solvers/xpbd/damping_choice.hpp"
+#include "sim/solvers/xpbd/held_forces.hpp"
 #include "tests/sim/loaded_bodies.hpp"
 
 namespace viscera::sim {

@@ -2,7 +2,7 @@
 // that it does not gain any.
 #include <gtest/gtest.h>
 
-#include "sim/stability.hpp"
+#include "sim/measures/stability.hpp"
 #include "tests/sim/swinging_bar.hpp"
 
 namespace viscera::sim {

@@ -1,10 +1,10 @@
 // The bound on compression: single tets pushed through every way to turn inside out, and bodies
 // that a load holds there without it.
-#include "sim/solvers/volume_bound.hpp"
+#include "sim/solvers/xpbd/volume_bound.hpp"
 
 #include <gtest/gtest.h>
 
-#include "sim/backend/cpu_volume_bound.hpp"
+#include "sim/backend/cpu/volume_bound.hpp"
 #include "tests/sim/loaded_bodies.hpp"
 
 namespace viscera::sim {

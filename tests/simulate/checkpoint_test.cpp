@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 #include "tests/simulate/simulate_run.hpp"
 
 namespace viscera {

@@ -3,7 +3,7 @@
 #include <fstream>
 #include <limits>
 
-#include "stages/common/trajectory_io.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 #include "tests/simulate/simulate_run.hpp"
 
 namespace viscera {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "stages/simulate/stage.hpp"
 #include "tests/simulate/cube.hpp"
 

@@ -7,9 +7,9 @@
 #include <functional>
 #include <regex>
 
-#include "pipeline/contract/digest.hpp"
-#include "sim/solvers/make.hpp"
-#include "stages/common/trajectory_io.hpp"
+#include "pipeline/base/digest.hpp"
+#include "sim/make.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 #include "tests/simulate/simulate_run.hpp"
 
 namespace viscera {

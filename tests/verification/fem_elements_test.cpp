@@ -1,8 +1,8 @@
 // The elements of the FEM solver: they stay open, and what is said of a run is theirs.
 #include <gtest/gtest.h>
 
-#include "sim/effects/volume_barrier.hpp"
-#include "sim/solvers/fem_mesh.hpp"
+#include "sim/effects/laws/volume_barrier.hpp"
+#include "sim/solvers/fem/mesh.hpp"
 #include "tests/verification/fem_setup.hpp"
 
 namespace viscera::sim {
@@ -77,7 +77,7 @@ std::array<double, 2> integrate_quadratic(const Model& model, const State& state
     std::array<Vec3<double>, 10> u;
     for (int i = 0; i < 10; ++i) {
       const std::size_t node = mesh.quadratic[t].nodes[i], v = model.vertex_count();
-      const double* const m = node < v ? nullptr : &state.memory[3 * (node - v)];
+      const double* const m = node < v ? nullptr : &state.history[3 * (node - v)];
       u[i] = m ? Vec3<double>{m[0], m[1], m[2]} : state.u[node];
     }
     double energies = 0.0, volumes = 0.0;
@@ -152,7 +152,7 @@ TEST(FemMetrics, QuadraticTetsMoveWithTheirOwnMassMatrix) {
     const auto solver = make_on_cpu(model, scene, options);
     State state = solver->state();
     for (auto& v : state.v) v = {3.0, 0.0, 4.0};
-    state.memory.clear();
+    state.history.clear();
     solver->set_state(state);
     const Diagnostics now = solver->diagnose(model, scene, solver->state());
     EXPECT_NEAR(now.kinetic, 12.5 * mass, 1e-12 * mass);

@@ -2,11 +2,11 @@
 // against differences of the forces, closed-form stresses, and orders of convergence.
 #include <gtest/gtest.h>
 
-#include "sim/solvers/fem_effect.hpp"
-#include "sim/solvers/fem_mass.hpp"
-#include "sim/solvers/fem_neo_hookean.hpp"
-#include "sim/solvers/fem_newton.hpp"
-#include "sim/solvers/fem_nodes.hpp"
+#include "sim/solvers/fem/effect.hpp"
+#include "sim/solvers/fem/mass.hpp"
+#include "sim/solvers/fem/neo_hookean.hpp"
+#include "sim/solvers/fem/newton.hpp"
+#include "sim/solvers/fem/nodes.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {

@@ -1,10 +1,10 @@
 // The FEM solver against closed forms, structures with published answers and an independent code.
-#include "sim/solvers/fem.hpp"
+#include "sim/solvers/fem/fem.hpp"
 
 #include <gtest/gtest.h>
 
-#include "sim/locking.hpp"
-#include "sim/refusal.hpp"
+#include "sim/base/refusal.hpp"
+#include "sim/model/locking.hpp"
 #include "tests/verification/fem_setup.hpp"
 
 namespace viscera::sim {

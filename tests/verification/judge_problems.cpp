@@ -14,7 +14,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/verification/problems.hpp"
 

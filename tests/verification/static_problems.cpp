@@ -69,7 +69,7 @@ void add_stiffness_rows(std::vector<Row>& rows) {
 
 // What a scheme's error may be with so many substeps. The goal is Gauss-Seidel's at 64; blocks,
 // which come to it later, must not come to rest elsewhere; the rest shows how each falls off.
-std::optional<double> most_error(const SolverOptions& options, int substeps) {
+std::optional<double> max_error(const SolverOptions& options, int substeps) {
   if (options.method != Method::xpbd) return {};
   if (options.scheme == Scheme::gauss_seidel && substeps == 64) return 0.003;
   if (options.scheme == Scheme::block_gauss_seidel && substeps == 128) return 0.01;
@@ -88,7 +88,7 @@ void add_substep_rows(std::vector<Row>& rows) {
                         std::string note = note_of(found, tip);
                         if (!found.state.finite())
                           return {{{"not finite", 1.0, 0.0}}, "unstable", ""};
-                        const auto most = most_error(options, substeps);
+                        const auto most = max_error(options, substeps);
                         if (!most)
                           return {{}, fmt::format("error {}, {}", number(found.error), note)};
                         return {{{"error", found.error, *most}}, note, ""};

@@ -8,7 +8,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 
 namespace viscera {
 namespace {

@@ -10,8 +10,8 @@
 #include <limits>
 #include <regex>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "stages/common/image_io.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "stages/image/image_io.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/geometry/shapes.hpp"
 #include "tests/web/sample_run.hpp"

@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <regex>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/web/browser.hpp"
 #include "tests/web/sample_run.hpp"

@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 #include "stages/report/compare/compare_stage.hpp"
 #include "stages/report/compare/csv.hpp"
 #include "stages/report/compare/distance.hpp"

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <cstring>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/param.hpp"
 #include "tests/web/sample_run.hpp"
 
 namespace viscera {

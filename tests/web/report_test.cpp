@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 #include "stages/report/page.hpp"
 #include "stages/report/report_stage.hpp"
 #include "stages/report/sources.hpp"

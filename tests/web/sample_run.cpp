@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
 #include "pipeline/contract/manifest.hpp"
-#include "stages/common/trajectory_io.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 
 namespace viscera {
 namespace {

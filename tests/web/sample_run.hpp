@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "stages/common/tet_mesh.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
 

@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 #include <zlib.h>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "stages/common/image_io.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "stages/image/image_io.hpp"
 #include "tests/geometry/shapes.hpp"
 
 namespace viscera {

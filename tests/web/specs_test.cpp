@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "tests/common/needs.hpp"
 
 namespace viscera {

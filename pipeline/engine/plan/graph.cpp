@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <map>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 #include "pipeline/engine/store/run_record.hpp"
 
 namespace viscera {

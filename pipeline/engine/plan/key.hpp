@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/digest.hpp"
+#include "pipeline/base/digest.hpp"
 #include "pipeline/engine/plan/graph.hpp"
 #include "pipeline/engine/store/store.hpp"
 

@@ -6,9 +6,9 @@
 
 #include <algorithm>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/engine/programs/process.hpp"
 
 namespace viscera {

@@ -16,8 +16,8 @@
 #include <thread>
 #include <utility>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 
 namespace viscera {
 namespace {

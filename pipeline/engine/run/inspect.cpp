@@ -4,7 +4,7 @@
 
 #include <iostream>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 #include "pipeline/engine/plan/case_report.hpp"
 #include "pipeline/engine/plan/graph_text.hpp"
 #include "pipeline/engine/run/status.hpp"

@@ -3,10 +3,10 @@
 #include <iostream>
 #include <set>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/contract/manifest.hpp"
 #include "pipeline/engine/run/inspect.hpp"
 

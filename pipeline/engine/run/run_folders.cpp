@@ -1,7 +1,7 @@
 #include "pipeline/engine/run/run_folders.hpp"
 
-#include "pipeline/contract/digest.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/digest.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;

@@ -10,9 +10,9 @@
 #include <iostream>
 #include <set>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/engine/plan/case_report.hpp"
 #include "pipeline/engine/plan/survey.hpp"
 #include "pipeline/engine/run/devices.hpp"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/exit_code.hpp"
+#include "pipeline/base/exit_code.hpp"
 #include "pipeline/engine/spec/spec.hpp"
 
 namespace viscera {

@@ -4,7 +4,7 @@
 
 #include <csignal>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 #include "pipeline/engine/run/status.hpp"
 
 namespace viscera {

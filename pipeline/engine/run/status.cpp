@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_value.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
+#include "pipeline/base/log.hpp"
 
 namespace viscera {
 namespace {

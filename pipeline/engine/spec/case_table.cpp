@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <map>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/yaml_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/yaml_file.hpp"
 #include "pipeline/engine/spec/case_table.hpp"
 
 namespace viscera {

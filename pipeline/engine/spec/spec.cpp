@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <set>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/yaml_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/yaml_file.hpp"
 #include "pipeline/engine/spec/cases.hpp"
 #include "pipeline/engine/spec/spec_file.hpp"
 #include "pipeline/engine/spec/stage_section.hpp"

@@ -21,8 +21,8 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/exit_code.hpp"
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/exit_code.hpp"
+#include "pipeline/base/param.hpp"
 
 namespace viscera {
 

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "pipeline/contract/yaml_file.hpp"
+#include "pipeline/base/yaml_file.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;

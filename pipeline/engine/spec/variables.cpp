@@ -4,8 +4,8 @@
 
 #include <cstdlib>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/yaml_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/yaml_file.hpp"
 #include "pipeline/engine/spec/spec_file.hpp"
 
 namespace viscera {

@@ -7,8 +7,8 @@
 #include <charconv>
 #include <chrono>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
 #include "pipeline/contract/input_digest.hpp"
 
 namespace viscera {

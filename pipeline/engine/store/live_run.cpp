@@ -10,8 +10,8 @@
 #include <cstring>
 #include <sstream>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;

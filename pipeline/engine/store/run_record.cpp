@@ -1,7 +1,7 @@
 #include "pipeline/engine/store/run_record.hpp"
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/json_value.hpp"
 
 namespace viscera {
 namespace {

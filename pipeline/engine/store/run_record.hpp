@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "pipeline/contract/exit_code.hpp"
+#include "pipeline/base/exit_code.hpp"
 
 namespace viscera {
 

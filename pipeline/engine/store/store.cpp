@@ -7,10 +7,10 @@
 
 #include <algorithm>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/digest.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;

@@ -7,9 +7,9 @@
 #include <map>
 #include <set>
 
-#include "pipeline/contract/digest.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/digest.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/engine/store/store.hpp"
 
 namespace viscera {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "pipeline/contract/exit_code.hpp"
+#include "pipeline/base/exit_code.hpp"
 
 namespace viscera {
 

@@ -1,7 +1,5 @@
 // The window's own loop: at every tick it takes the newest snapshots, draws them, and sends what
 // sliders ask for. It never waits for a session.
-#include "stages/live/window/window.hpp"
-
 #include <X11/Xlib.h>
 #include <fmt/format.h>
 #include <vtkCallbackCommand.h>
@@ -18,11 +16,12 @@
 #include <chrono>
 #include <map>
 
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 #include "stages/live/readout.hpp"
 #include "stages/live/window/controls.hpp"
 #include "stages/live/window/hand_style.hpp"
+#include "stages/live/window_library.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera::live {

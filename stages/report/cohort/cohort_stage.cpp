@@ -6,9 +6,9 @@
 #include <cmath>
 #include <map>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/json_value.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/json_value.hpp"
+#include "pipeline/base/log.hpp"
 #include "stages/report/cohort/outliers.hpp"
 #include "stages/report/csv_cell.hpp"
 #include "stages/report/page.hpp"

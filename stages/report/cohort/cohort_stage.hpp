@@ -2,7 +2,7 @@
 // and the figures by which it stands out from the others.
 #pragma once
 
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera {
 

@@ -8,7 +8,7 @@ namespace viscera {
 namespace {
 
 constexpr double z_limit = 3.5;
-constexpr std::size_t least_values = 5;
+constexpr std::size_t min_values = 5;
 constexpr double mad_to_deviation = 1.4826, mean_to_deviation = 1.2533;  // of a normal distribution
 constexpr double rounding = 1e-9;  // relative; what differs by less is equal
 
@@ -24,7 +24,7 @@ Spread spread_of(const std::vector<double>& values) {
   const auto [least, most] = std::ranges::minmax(values);
   Spread spread{.least = least, .median = median_of(values), .most = most};
   spread.outlier.assign(values.size(), false);
-  if (values.size() < least_values) return spread;
+  if (values.size() < min_values) return spread;
   std::vector<double> distances;
   for (const double value : values) distances.push_back(std::abs(value - spread.median));
   const double same = rounding * std::max(std::abs(least), std::abs(most));

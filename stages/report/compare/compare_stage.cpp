@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 #include "stages/report/compare/csv.hpp"
 #include "stages/report/compare/ensemble.hpp"
 #include "stages/report/compare/figures.hpp"

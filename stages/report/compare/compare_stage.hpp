@@ -2,7 +2,7 @@
 // that are called methods, and what accuracy costs for those of a sweep (study.hpp).
 #pragma once
 
-#include "stages/common/stage_main.hpp"
+#include "stages/program/stage_main.hpp"
 
 namespace viscera {
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 
 namespace viscera {
 

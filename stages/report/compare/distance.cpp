@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "pipeline/contract/digest.hpp"
+#include "pipeline/base/digest.hpp"
 
 namespace viscera {
 namespace {

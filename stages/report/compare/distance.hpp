@@ -5,7 +5,7 @@
 #include <map>
 #include <memory>
 
-#include "stages/common/trajectory_io.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 
 namespace viscera {
 

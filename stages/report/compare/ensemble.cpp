@@ -4,7 +4,7 @@
 #include <cmath>
 #include <map>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace {

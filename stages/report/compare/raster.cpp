@@ -7,7 +7,7 @@
 #include <cstring>
 #include <limits>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace {

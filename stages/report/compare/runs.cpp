@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 #include "stages/report/sources.hpp"
 
 namespace viscera {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/param.hpp"
-#include "stages/common/trajectory_io.hpp"
+#include "pipeline/base/param.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 
 namespace viscera {
 

@@ -1,7 +1,7 @@
 // The answer in words, from the figures of one scene of a study, and nothing that they do not show.
 #pragma once
 
-#include "pipeline/contract/param.hpp"
+#include "pipeline/base/param.hpp"
 
 namespace viscera {
 

@@ -7,7 +7,7 @@
 #include <map>
 #include <optional>
 
-#include "pipeline/contract/json_value.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "stages/report/compare/distance.hpp"
 #include "stages/report/compare/sentences.hpp"
 #include "stages/report/compare/setting.hpp"

@@ -6,10 +6,10 @@
 #include <cctype>
 #include <set>
 
-#include "pipeline/contract/error.hpp"
-#include "sim/tet_face.hpp"
-#include "stages/common/tet_io.hpp"
-#include "stages/common/tet_topology.hpp"
+#include "pipeline/base/error.hpp"
+#include "sim/base/tet_face.hpp"
+#include "stages/mesh/tet_io.hpp"
+#include "stages/mesh/tet_topology.hpp"
 
 namespace viscera {
 namespace {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/param.hpp"
-#include "stages/common/material_params.hpp"
-#include "stages/common/tet_mesh.hpp"
+#include "pipeline/base/param.hpp"
+#include "stages/mesh/material_params.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
 

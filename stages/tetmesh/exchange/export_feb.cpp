@@ -1,7 +1,7 @@
 // FEBio 4 model: nodes, one tet4 domain and one neo-Hookean material per label, tri3 surfaces per
 // patch. Units mm, N, t, s, hence MPa and t/mm3. A label whose material was not given gets one
 // without E and v, which FEBio refuses, instead of invented constants.
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
 #include "stages/tetmesh/exchange/export_text.hpp"
 

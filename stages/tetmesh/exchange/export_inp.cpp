@@ -4,7 +4,7 @@
 // solver stops there instead of computing with invented ones.
 #include <set>
 
-#include "pipeline/contract/atomic_file.hpp"
+#include "pipeline/base/atomic_file.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
 #include "stages/tetmesh/exchange/export_text.hpp"
 

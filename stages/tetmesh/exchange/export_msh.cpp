@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
 #include "stages/tetmesh/exchange/gmsh_session.hpp"
 

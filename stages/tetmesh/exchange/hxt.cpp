@@ -2,8 +2,8 @@
 
 #include <gmsh.h>
 
-#include "pipeline/contract/error.hpp"
-#include "stages/common/tet_topology.hpp"
+#include "pipeline/base/error.hpp"
+#include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
 #include "stages/tetmesh/exchange/gmsh_session.hpp"
 #include "stages/tetmesh/exchange/import.hpp"

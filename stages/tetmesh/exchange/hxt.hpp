@@ -1,7 +1,7 @@
 // Gmsh's HXT (Marot, Pellerin and Remacle 2019) as another way to fill a boundary with tets. mm.
 #pragma once
 
-#include "stages/common/tet_mesh.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
 

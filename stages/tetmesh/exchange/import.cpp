@@ -6,10 +6,10 @@
 #include <numeric>
 #include <set>
 
-#include "pipeline/contract/error.hpp"
-#include "stages/common/tet_checks.hpp"
-#include "stages/common/tet_topology.hpp"
-#include "stages/common/vec.hpp"
+#include "pipeline/base/error.hpp"
+#include "stages/mesh/tet_checks.hpp"
+#include "stages/mesh/tet_topology.hpp"
+#include "stages/mesh/vec.hpp"
 
 namespace viscera {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "stages/common/tet_io.hpp"
+#include "stages/mesh/tet_io.hpp"
 
 namespace viscera {
 

@@ -8,10 +8,10 @@
 #include <fstream>
 #include <set>
 
-#include "pipeline/contract/atomic_file.hpp"
-#include "pipeline/contract/error.hpp"
-#include "stages/common/label_name.hpp"
-#include "stages/common/trial_read.hpp"
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/trial_read.hpp"
+#include "pipeline/contract/label_name.hpp"
 #include "stages/tetmesh/exchange/gmsh_session.hpp"
 #include "stages/tetmesh/exchange/import.hpp"
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <numeric>
 
-#include "pipeline/contract/error.hpp"
+#include "pipeline/base/error.hpp"
 
 namespace viscera {
 namespace {

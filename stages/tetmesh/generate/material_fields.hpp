@@ -7,7 +7,7 @@
 #include <map>
 #include <vector>
 
-#include "stages/common/label_field.hpp"
+#include "stages/image/label_field.hpp"
 
 namespace viscera {
 

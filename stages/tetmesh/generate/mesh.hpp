@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "stages/common/label_components.hpp"
-#include "stages/common/surface_mesh.hpp"
-#include "stages/common/tet_mesh.hpp"
+#include "stages/image/label_components.hpp"
+#include "stages/mesh/surface_mesh.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 #include "stages/tetmesh/generate/material_fields.hpp"
 
 namespace viscera {

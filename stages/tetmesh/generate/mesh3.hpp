@@ -18,7 +18,7 @@
 #include <numeric>
 #include <utility>
 
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/log.hpp"
 #include "stages/tetmesh/generate/mesh.hpp"
 
 namespace viscera::mesh3 {

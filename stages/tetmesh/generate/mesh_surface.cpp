@@ -10,8 +10,8 @@
 
 #include <memory>
 
-#include "pipeline/contract/error.hpp"
-#include "stages/common/vec.hpp"
+#include "pipeline/base/error.hpp"
+#include "stages/mesh/vec.hpp"
 #include "stages/tetmesh/generate/mesh.hpp"
 #include "stages/tetmesh/generate/mesh3.hpp"
 #include "stages/tetmesh/generate/spread.hpp"

@@ -4,8 +4,8 @@
 
 #include <numbers>
 
-#include "pipeline/contract/error.hpp"
-#include "stages/common/vec.hpp"
+#include "pipeline/base/error.hpp"
+#include "stages/mesh/vec.hpp"
 
 namespace viscera {
 namespace {

@@ -2,7 +2,7 @@
 // the solvers' caches and for threads that each work on a part of the body.
 #pragma once
 
-#include "stages/common/tet_mesh.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
 

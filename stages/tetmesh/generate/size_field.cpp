@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stages/common/label_components.hpp"
+#include "stages/image/label_components.hpp"
 
 namespace viscera {
 namespace {

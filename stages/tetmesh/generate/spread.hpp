@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "stages/common/vec.hpp"
+#include "stages/mesh/vec.hpp"
 
 namespace viscera {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "pipeline/contract/log.hpp"
+#include "pipeline/base/log.hpp"
 #include "stages/tetmesh/improve/improve_stars.hpp"
 
 namespace viscera {

@@ -11,7 +11,7 @@
 
 #include <map>
 
-#include "stages/common/tet_mesh.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 #include "stages/tetmesh/improve/projector.hpp"
 
 namespace viscera {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <map>
 
-#include "sim/tet_face.hpp"
+#include "sim/base/tet_face.hpp"
 #include "stages/tetmesh/improve/improve_stars.hpp"
 
 namespace viscera {
@@ -15,9 +15,9 @@ using Tets = std::vector<std::pair<Tet, int>>;
 
 constexpr double steps[] = {0.2, 0.35, 0.5};  // from the busy point, of the local size
 constexpr double openings[] = {-0.2, 0.0, 0.2,
-                               0.4};     // cosine of the cone that holds the emptied tets
-constexpr std::size_t most_tried = 48;   // ways of sharing
-constexpr std::size_t least_relief = 2;  // tets that the busy point must lose
+                               0.4};   // cosine of the cone that holds the emptied tets
+constexpr std::size_t max_tried = 48;  // ways of sharing
+constexpr std::size_t min_relief = 2;  // tets that the busy point must lose
 
 struct Part {
   std::vector<int> old;  // tets to empty
@@ -77,7 +77,7 @@ std::vector<std::array<int, 2>> rim_of(const std::vector<std::array<int, 3>>& tr
 bool rim_has_room(const Stars& mesh, int point, const std::vector<std::array<int, 2>>& rim) {
   return std::none_of(rim.begin(), rim.end(), [&](const auto& edge) {
     const std::size_t after = mesh.star(edge[0]).size() + 2;
-    return mesh.is_busy(edge[0], 2) && after + least_relief > mesh.star(point).size();
+    return mesh.is_busy(edge[0], 2) && after + min_relief > mesh.star(point).size();
   });
 }
 
@@ -95,7 +95,7 @@ Part part_towards(const Stars& mesh, int point, int label, const Vec& way, doubl
     triangles.push_back(link);
   }
   const auto rim = rim_of(triangles);
-  if (rim.empty() || part.old.size() < rim.size() + least_relief) return {};
+  if (rim.empty() || part.old.size() < rim.size() + min_relief) return {};
   if (!rim_has_room(mesh, point, rim)) return {};
   for (const auto& t : triangles) part.fresh.push_back({{-1, t[0], t[1], t[2]}, label});
   for (const auto& e : rim) part.fresh.push_back({{point, -1, e[0], e[1]}, label});
@@ -161,7 +161,7 @@ bool share_star(Stars& mesh, int point, double floor) {
   }
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const auto& a, const auto& b) { return a.worst > b.worst; });
-  candidates.resize(std::min(candidates.size(), most_tried));
+  candidates.resize(std::min(candidates.size(), max_tried));
   return std::any_of(candidates.begin(), candidates.end(), [&](const Candidate& c) {
     return apply(mesh, point, c.part, c.place, floor);
   });

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "stages/common/tet_topology.hpp"
+#include "stages/mesh/tet_topology.hpp"
 
 namespace viscera {
 namespace {
@@ -17,7 +17,7 @@ constexpr double on_surface = 0.05, on_curve = 0.5;
 // The size wanted around a point is never below this part of the mean over all points: what is
 // finer than the mesh as a whole would set the time step of a simulation for all of it. Not so
 // where sizes are graded on purpose.
-constexpr double least_size = 0.9;
+constexpr double min_size = 0.9;
 
 // Mean edge length around each point, then averaged once over neighbours.
 std::vector<double> local_sizes(const TetMesh& mesh, double least) {
@@ -56,7 +56,7 @@ Stars::Stars(const TetMesh& mesh, const Projector& project, const ImproveOptions
       tets_(mesh.tets),
       labels_(mesh.labels),
       stars_(mesh.points.size()),
-      sizes_(local_sizes(mesh, options.graded ? 0.0 : least_size)),
+      sizes_(local_sizes(mesh, options.graded ? 0.0 : min_size)),
       boundary_(mesh.points.size(), 0),
       movable_(mesh.points.size(), 1),
       stamps_(mesh.points.size(), 0),

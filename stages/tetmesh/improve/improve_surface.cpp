@@ -13,7 +13,7 @@ constexpr double farthest = 0.18;
 // Facets this well aligned with their surface (cosine between the normals) are not farther: across
 // a facet of size h the surface then turns by half a radian at most, and bulges by 0.06 h.
 constexpr double aligned = 0.97;
-constexpr double most_offset = 0.05;  // of the local size, for the sake of the volume
+constexpr double max_offset = 0.05;  // of the local size, for the sake of the volume
 
 double distance_from_surface(const Stars& mesh, const Vec& p, const std::vector<int>& labels) {
   const auto contact = mesh.project()(p, labels);
@@ -96,7 +96,7 @@ void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double w
     const auto contact = mesh.project()(p[point], labels);
     if (!contact || !mesh.movable(point)) continue;
     // Normals point to the lower one of two labels.
-    const double most = most_offset * mesh.size(point);
+    const double most = max_offset * mesh.size(point);
     const double way =
         std::clamp(label == 0 || label == labels.back() ? outward : -outward, -most, most);
     const Vec place = add(p[point], scale(way, contact->normals[0]));

@@ -1,7 +1,7 @@
 // Putting points back onto a triangle surface. LPS mm.
 #pragma once
 
-#include "stages/common/surface_mesh.hpp"
+#include "stages/mesh/surface_mesh.hpp"
 #include "stages/tetmesh/improve/projector.hpp"
 
 namespace viscera {

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "stages/common/vec.hpp"
+#include "stages/mesh/vec.hpp"
 
 namespace viscera {
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <map>
 
-#include "pipeline/contract/log.hpp"
-#include "stages/common/tet_topology.hpp"
-#include "stages/common/vec.hpp"
+#include "pipeline/base/log.hpp"
+#include "stages/mesh/tet_topology.hpp"
+#include "stages/mesh/vec.hpp"
 #include "stages/tetmesh/quality/triangle_tree.hpp"
 
 namespace viscera {
@@ -16,7 +16,7 @@ using triangle_tree::Kernel;
 using triangle_tree::Tree;
 using triangle_tree::Triangles;
 
-constexpr int most_parts = 32;  // of an edge
+constexpr int max_parts = 32;  // of an edge
 
 Triangles triangles_of(const std::vector<Vec>& points,
                        const std::vector<std::array<int, 3>>& corners) {
@@ -32,8 +32,7 @@ void sample(const Kernel::Triangle_3& t, double spacing, Visit visit) {
   double longest = 0.0;
   for (int e = 0; e < 3; ++e)
     longest = std::max(longest, CGAL::squared_distance(t[e], t[(e + 1) % 3]));
-  const int n =
-      std::clamp(static_cast<int>(std::ceil(std::sqrt(longest) / spacing)), 1, most_parts);
+  const int n = std::clamp(static_cast<int>(std::ceil(std::sqrt(longest) / spacing)), 1, max_parts);
   const Kernel::Vector_3 u = (t[1] - t[0]) / n, v = (t[2] - t[0]) / n;
   const double area = std::sqrt(t.squared_area()) / (n * n);
   for (int i = 0; i < n; ++i)
@@ -43,7 +42,7 @@ void sample(const Kernel::Triangle_3& t, double spacing, Visit visit) {
     }
 }
 
-constexpr int most_shrinkings = 40;
+constexpr int max_shrinkings = 40;
 
 class Nearest {
  public:
@@ -102,7 +101,7 @@ Deviation all_of(const Triangles& triangles, const std::vector<Deviation>& each,
 double ball_diameter(Nearest& surface, const Kernel::Point_3& p, const Kernel::Vector_3& way,
                      double largest) {
   double radius = 0.5 * largest;
-  for (int step = 0; step < most_shrinkings; ++step) {
+  for (int step = 0; step < max_shrinkings; ++step) {
     const Kernel::Vector_3 to = surface(p + radius * way) - p;
     if (to.squared_length() < 1e-12 * radius * radius || to * way <= 0.0) break;  // `p` itself
     const double smaller = 0.5 * to.squared_length() / (to * way);

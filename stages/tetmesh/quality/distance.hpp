@@ -3,8 +3,8 @@
 
 #include <optional>
 
-#include "stages/common/surface_mesh.hpp"
-#include "stages/common/tet_mesh.hpp"
+#include "stages/mesh/surface_mesh.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
 

@@ -5,8 +5,8 @@
 #include <map>
 #include <queue>
 
-#include "stages/common/label_components.hpp"
-#include "stages/common/vec.hpp"
+#include "stages/image/label_components.hpp"
+#include "stages/mesh/vec.hpp"
 
 namespace viscera {
 namespace {

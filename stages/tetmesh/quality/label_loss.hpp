@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "stages/common/label_image.hpp"
+#include "stages/image/label_image.hpp"
 #include "stages/tetmesh/quality/distance.hpp"
 
 namespace viscera {

@@ -6,8 +6,8 @@
 #include <numbers>
 #include <numeric>
 
-#include "stages/common/tet_topology.hpp"
-#include "stages/common/vec.hpp"
+#include "stages/mesh/tet_topology.hpp"
+#include "stages/mesh/vec.hpp"
 
 namespace viscera {
 namespace {

@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/contract/param.hpp"
-#include "stages/common/tet_mesh.hpp"
+#include "pipeline/base/param.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
 

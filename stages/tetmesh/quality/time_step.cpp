@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/stability.hpp"
+#include "sim/measures/stability.hpp"
 
 namespace viscera {
 namespace {
@@ -15,7 +15,7 @@ double shear_speed(const Elastic& m) {
 
 }  // namespace
 
-std::map<int, double> least_altitudes(const TimeGoal& goal) {
+std::map<int, double> min_altitudes(const TimeGoal& goal) {
   std::map<int, double> least;
   if (!goal.substeps) return least;
   for (const auto& [label, material] : goal.materials)
@@ -25,7 +25,7 @@ std::map<int, double> least_altitudes(const TimeGoal& goal) {
 
 double shortfall(const TimeStep& found, const TimeGoal& goal) {
   double most = 0.0;
-  for (const auto& [label, least] : least_altitudes(goal)) {
+  for (const auto& [label, least] : min_altitudes(goal)) {
     const auto altitude = found.altitude.find(label);
     if (altitude != found.altitude.end()) most = std::max(most, least / altitude->second);
   }

@@ -1,12 +1,12 @@
 // What the mesh's smallest altitudes allow an explicit simulation: Cs = dt sqrt(mu / rho) / h must
-// stay below sim::cs_limit (sim/stability.hpp). Altitudes in mm.
+// stay below sim::cs_limit (sim/measures/stability.hpp). Altitudes in mm.
 #pragma once
 
 #include <map>
 #include <optional>
 
-#include "stages/common/material_params.hpp"
-#include "stages/common/tet_mesh.hpp"
+#include "stages/mesh/material_params.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 #include "stages/tetmesh/quality/measure.hpp"
 
 namespace viscera {
@@ -18,7 +18,7 @@ struct TimeGoal {
 };
 
 // The smallest altitude that each label's tets may have; empty without a goal for the substeps.
-std::map<int, double> least_altitudes(const TimeGoal& goal);
+std::map<int, double> min_altitudes(const TimeGoal& goal);
 
 struct TimeStep {
   std::map<int, double> altitude;  // smallest of each label

@@ -2,9 +2,9 @@
 // Usage: hanging-body LABELS.nrrd
 #include <cstdio>
 
-#include "sim/forces.hpp"
-#include "sim/solvers/make.hpp"
-#include "stages/common/image_io.hpp"
+#include "sim/make.hpp"
+#include "sim/measures/forces.hpp"
+#include "stages/image/image_io.hpp"
 #include "stages/tetmesh/generate/mesh.hpp"
 #include "stages/tetmesh/improve/improve.hpp"
 

@@ -1,9 +1,0 @@
-#include "sim/backend/cpu_sweep.hpp"
-
-namespace viscera::sim {
-
-void fill_sweeps_baseline(SweepTables& tables) {
-  fill_sweeps<baseline>(tables);
-}
-
-}  // namespace viscera::sim

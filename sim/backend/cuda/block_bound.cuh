@@ -1,0 +1,183 @@
+// The bound on compression (solvers/xpbd/volume_bound.hpp) for blocks on a device. It acts after
+// each substep, and a frame of blocks is one launch, within which nothing can. Most frames have no
+// tet near the bound, so a frame is first run as a whole. If it ends with a tet below the bound, it
+// is run again from its start, substep by substep, with the bound after each; a frame that begins
+// with a tet at the bound is run like that at once. Both decisions follow from states at the
+// borders of frames, so a run goes on from a checkpoint to the same bits. A tet that is below the
+// bound for some substeps, and above it again at the end of the frame, is left to the law.
+#pragma once
+
+#include <optional>
+
+#include "sim/backend/block_layout.hpp"
+#include "sim/backend/cuda/volume_bound.cuh"
+
+namespace viscera::sim {
+
+// How many tets of a member are at the end of a frame ...
+struct VolumeCounts {
+  int watched;   // below VolumeBound::watched
+  int at_bound;  // at the bound or below it
+  int below;     // below it
+};
+
+// J of each tet of each member at the end of a frame; [members] counts, which begin at zero.
+template <class T>
+__global__ void count_volumes(int count, const Tet* locals_of_tet, const Mat3<T>* rest,
+                              const Vec3<T>* u, int locals, VolumeCounts* counts) {
+  constexpr T at_bound = T(VolumeBound::least - 1.0 + 0.01);
+  const int t = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (t >= count) return;
+  const std::size_t member = blockIdx.y;
+  Vec3<T> corners[4];
+  for (int i = 0; i < 4; ++i) corners[i] = u[member * locals + locals_of_tet[t][i]];
+  const T strain = NeoHookean::volume_strain(displacement_gradient(corners, rest[t]));
+  if (!(strain < T(VolumeBound::watched - 1.0))) return;
+  atomicAdd(&counts[member].watched, 1);
+  if (strain < at_bound) atomicAdd(&counts[member].at_bound, 1);
+  if (strain < T(VolumeBound::least - 1.0 - VolumeBound::tolerance)) {
+    atomicAdd(&counts[member].below, 1);
+  }
+}
+
+// The last substep by vertices: blocks have its end alone. v = d / dt (end_vertex).
+template <class T>
+__global__ void find_substep(int vertices, const int* local_of, const Vec3<T>* u, const Vec3<T>* v,
+                             T dt, Vec3<T>* before, Vec3<T>* d) {
+  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (i >= vertices) return;
+  const int local = local_of[i];
+  d[i] = dt * v[local];
+  before[i] = u[local] - d[i];
+}
+
+template <class T>
+__global__ void add_corrections(int locals, const int* vertex_of, const Vec3<T>* corrections, T dt,
+                                Vec3<T>* u, Vec3<T>* v) {
+  const int local = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (local >= locals) return;
+  const Vec3<T> correction = corrections[vertex_of[local]];
+  if (!touches(correction)) return;
+  u[local] += correction;
+  v[local] += (T(1) / dt) * correction;
+}
+
+template <class T>
+class CudaBlockBound {
+ public:
+  // For `members` with displacements u and velocities v, [members * locals] on the device.
+  CudaBlockBound(BoundedTets<T> tets, const BlockLayout& layout, const Program<T>& program,
+                 int members, Vec3<T>* u, Vec3<T>* v)
+      : tets_(std::move(tets)),
+        vertices_(static_cast<int>(program.rest.size())),
+        locals_(static_cast<int>(layout.locals().size())),
+        dt_(static_cast<T>(program.dt)),
+        u_(u),
+        v_(v) {
+    if (is_empty()) return;
+    std::vector<int> local_of, vertex_of;
+    for (int i = 0; i < vertices_; ++i) local_of.push_back(layout.locals_of(i)[0]);
+    for (const LocalVertex& local : layout.locals()) vertex_of.push_back(local.vertex);
+    std::vector<Tet> locals_of_tet = tets_.vertices;
+    for (Tet& tet : locals_of_tet) {
+      for (int& corner : tet) corner = local_of[corner];
+    }
+    bound_.emplace(tets_, vertices_);
+    locals_of_tet_ = DeviceArray<Tet>(locals_of_tet);
+    local_of_ = DeviceArray<int>(local_of);
+    vertex_of_ = DeviceArray<int>(vertex_of);
+    inverse_mass_ = DeviceArray<T>(program.inverse_mass);
+    before_ = DeviceArray<Vec3<T>>(vertices_);
+    d_ = DeviceArray<Vec3<T>>(vertices_);
+    counts_ = DeviceArray<VolumeCounts>(members);
+    found_.resize(members);
+    acts_.assign(members, 1);
+    corrections_.resize(members);
+  }
+
+  static std::size_t bytes(const BoundedTets<T>& tets, std::size_t vertices, std::size_t locals) {
+    if (tets.vertices.empty()) return 0;
+    return CudaVolumeBound<T>::bytes(tets, vertices) + tets.vertices.size() * sizeof(Tet) +
+           vertices * (2 * sizeof(Vec3<T>) + sizeof(T) + sizeof(int)) + locals * sizeof(int);
+  }
+
+  bool is_empty() const { return tets_.vertices.empty(); }
+  // Of a member for which the bound acts.
+  bool is_reached() const { return any(&VolumeCounts::at_bound); }
+  bool is_passed() const { return any(&VolumeCounts::below); }
+
+  void begin_at(int member, const State& state, const Stream& stream) {
+    if (is_empty()) return;
+    count(stream);
+    acts_[member] = tets_.begins_at(state);
+  }
+
+  // Looks at the end of a frame.
+  void count(const Stream& stream) {
+    constexpr int width = 256;
+    const int tets = static_cast<int>(tets_.vertices.size());
+    const dim3 grid((tets + width - 1) / width, static_cast<unsigned>(found_.size()));
+    check(cudaMemsetAsync(counts_.get(), 0, counts_.size() * sizeof(VolumeCounts), stream),
+          "clearing");
+    count_volumes<T><<<grid, width, 0, stream>>>(tets, locals_of_tet_.get(), bound_->rest_inverse(),
+                                                 u_, locals_, counts_.get());
+    check(cudaMemcpyAsync(found_.data(), counts_.get(), counts_.size() * sizeof(VolumeCounts),
+                          cudaMemcpyDeviceToHost, stream),
+          "downloading");
+    stream.finish("looking at volumes");
+  }
+  // What the end of a frame says of the next.
+  void end_frame() {
+    for (std::size_t member = 0; member < found_.size(); ++member) {
+      acts_[member] =
+          VolumeBound::goes_on(acts_[member], found_[member].watched, tets_.vertices.size());
+    }
+  }
+
+  // After a substep.
+  void correct(const Stream& stream) {
+    for (std::size_t member = 0; member < found_.size(); ++member) {
+      if (!acts_[member]) continue;
+      Graph& graph = corrections_[member];
+      if (graph.size() == 0) {
+        graph = Graph(stream, [&] { enqueue_corrections(stream, member * locals_); });
+      }
+      graph.launch(stream, "bounding compression");
+    }
+  }
+
+ private:
+  bool any(int VolumeCounts::*which) const {
+    for (std::size_t member = 0; member < found_.size(); ++member) {
+      if (acts_[member] && found_[member].*which > 0) return true;
+    }
+    return false;
+  }
+
+  void enqueue_corrections(cudaStream_t stream, std::size_t first) const {
+    constexpr int width = 256;
+    const auto blocks = [](int threads) { return (threads + width - 1) / width; };
+    find_substep<T><<<blocks(vertices_), width, 0, stream>>>(
+        vertices_, local_of_.get(), u_ + first, v_ + first, dt_, before_.get(), d_.get());
+    bound_->enqueue_always(stream, before_.get(), d_.get(), inverse_mass_.get(), dt_);
+    add_corrections<T><<<blocks(locals_), width, 0, stream>>>(
+        locals_, vertex_of_.get(), bound_->corrections(), dt_, u_ + first, v_ + first);
+  }
+
+  BoundedTets<T> tets_;
+  int vertices_, locals_;
+  T dt_;  // s
+  Vec3<T>*u_, *v_;
+  std::optional<CudaVolumeBound<T>> bound_;
+  DeviceArray<Tet> locals_of_tet_;
+  DeviceArray<int> local_of_;   // [vertices] the first of each
+  DeviceArray<int> vertex_of_;  // [locals]
+  DeviceArray<T> inverse_mass_;
+  DeviceArray<Vec3<T>> before_, d_;  // [vertices] m, of a member's substep
+  DeviceArray<VolumeCounts> counts_;
+  std::vector<VolumeCounts> found_;  // [members] at the end of the last frame
+  std::vector<char> acts_;           // [members] in the next
+  std::vector<Graph> corrections_;   // [members] those that were needed
+};
+
+}  // namespace viscera::sim

@@ -1,0 +1,585 @@
+// The kernel of a frame in blocks: one cooperative launch. A thread block holds its replicas of
+// vertices in shared memory and runs all substeps on them, phase by phase with a barrier of its own
+// between. Blocks exchange once a substep, where the replicas of a vertex are averaged: each
+// publishes its own and waits for those that it needs (cuda/message.cuh), so there is no barrier
+// over the grid and no second trip to memory. The sums are in a fixed order: two runs on one device
+// give the same bits.
+#pragma once
+
+#include <algorithm>
+#include <array>
+
+#include "sim/backend/block_step.hpp"
+#include "sim/backend/cuda/message.cuh"
+
+namespace viscera::sim {
+
+// A kernel is compiled for a set of effects: what a scene does not name costs neither registers nor
+// room in the instruction cache.
+inline constexpr EffectSet tissue = effect_set<Gravity, Fixed, NeoHookean, Ground>;
+inline constexpr EffectSet damped_tissue = tissue | effect_set<Viscosity, Prescribed>;
+// With a hand and its ball: the live simulator's.
+inline constexpr EffectSet held_tissue = damped_tissue | effect_set<Grip, Collider<Sphere>>;
+
+// What a frame's kernel is given; arrays over the local vertices of all blocks unless said
+// otherwise. A grid runs the blocks of the first member, then those of the next.
+template <class T>
+struct Frame {
+  template <class Effect>
+  using ViewsOf = Views<EffectView<Effect, T>>;
+  Effects::Joined<ViewsOf> effects;  // items [members * count]
+  Vec3<T>* u;                        // [members * locals]
+  Vec3<T>* v;                        // likewise
+  Vec3<T>* duals;                    // [members * all replicas]
+  const Vec3<T>* rest;
+  const T* inverse_mass;
+  const T* mobility;
+  const T* share;
+  const ReplicaRange* replicas;
+  const int* leader;          // or null
+  const int* local_begin;     // [blocks + 1]
+  const int* replica_begin;   // [blocks]
+  const int* replicated;      // [blocks] replicas of vertices with several, here or elsewhere
+  const int* shared_end;      // [blocks] of those that other blocks have too
+  const int* gather_begin;    // [locals + 1]
+  const int* gather;          // the same vertex in all blocks, in order; none where it has one
+  Message<T>* messages;       // [members * 2 * locals]
+  unsigned char* touching;    // [members * contacts * locals] at the end of the frame
+  unsigned long long* ahead;  // [members] substeps that it has done beyond `done`
+  unsigned long long done;    // substeps
+  double dt;
+  int substeps;
+  int locals;
+  int all_replicas;
+  int blocks;        // of a member
+  int first_member;  // of the grid
+  int contacts;      // contact effects named
+  int max_locals, max_shared, max_copies, max_carried, max_gathered, max_table;  // of a block
+  int team;                                                                      // lanes that sweep
+  bool linearizes;    // elements before a sweep, side by side: where a phase costs its latency
+  bool single_block;  // a block is a whole body
+};
+
+template <class Count>
+__host__ __device__ constexpr Count round_up(Count count, Count unit) {
+  return (count + unit - 1) / unit * unit;
+}
+
+// Where a pointer leads: what the compiler knows it loads by shorter instructions.
+template <class Item>
+__device__ Item* in_shared(Item* pointer) {
+  __builtin_assume(__isShared(pointer));
+  return pointer;
+}
+template <class Item>
+__device__ Item* in_global(Item* pointer) {
+  __builtin_assume(__isGlobal(pointer));
+  return pointer;
+}
+
+// A block's room for element effects. What is kept close for the whole frame lies behind what one
+// effect after the other uses.
+struct WorkSpace {
+  std::ptrdiff_t begin;  // bytes into the block's shared memory
+
+  template <class Item>
+  __device__ Item* as(int offset = 0) const {
+    extern __shared__ __align__(32) unsigned char shared[];
+    return reinterpret_cast<Item*>(shared + begin + offset);
+  }
+};
+
+// The constants of a block's elements: in shared memory for the whole frame where those of all
+// effects fit, otherwise where the device has them.
+template <class Effect, class T, bool resident>
+struct Constants {
+  using Rest = typename BlockView<Effect, T>::Rest;
+  using Local = typename BlockView<Effect, T>::Local;
+  static constexpr std::size_t bytes = sizeof(Rest) + sizeof(Local);
+  std::conditional_t<resident, const Rest*, PlanesView<Rest>> rest;
+  const Local* vertices;
+
+  __device__ Rest rest_of(int e) const {
+    if constexpr (resident) {
+      return rest[e];
+    } else {
+      return rest.assembled([e](const Piece* plane) { return in_global(plane)[e]; });
+    }
+  }
+  __device__ Local vertices_of(int e) const {
+    if constexpr (resident) {
+      return vertices[e];
+    } else {
+      return in_global(vertices)[e];
+    }
+  }
+};
+template <class Effect, class T>
+using ResidentConstants = Constants<Effect, T, true>;
+
+// At the start of a frame: what is to stay close.
+template <class Effect, class T>
+__device__ ResidentConstants<Effect, T> resident_constants(const BlockView<Effect, T>& view,
+                                                           int count, WorkSpace work) {
+  using Resident = ResidentConstants<Effect, T>;
+  auto* const rest = work.as<typename Resident::Rest>(view.resident);
+  return {rest, reinterpret_cast<typename Resident::Local*>(rest + count)};
+}
+template <class Effect, class T>
+__device__ void make_resident(const BlockView<Effect, T>& view, WorkSpace work) {
+  if (view.resident < 0) return;
+  const int count = in_shared(view.phase_begin)[view.phases];
+  const auto resident = resident_constants(view, count, work);
+  auto* const rest = const_cast<typename BlockView<Effect, T>::Rest*>(resident.rest);
+  auto* const vertices = const_cast<typename BlockView<Effect, T>::Local*>(resident.vertices);
+  for (int e = static_cast<int>(threadIdx.x); e < count; e += static_cast<int>(blockDim.x)) {
+    rest[e] = view.rest[e];
+    vertices[e] = view.vertices[e];
+  }
+}
+
+// What a lane reads in a phase: without an element rows that no other writes meanwhile.
+template <class T>
+__device__ const Row<T>* rows_for(const BlockVertices<T>& x, bool active) {
+  return active ? x.d : x.u;
+}
+
+// Reads a row in shared memory where this stands: the compiler would put it off into the branch of
+// the lanes that need it, behind what these wait for before.
+__device__ inline Row<float> read_now(const Row<float>* row) {
+  Row<float> now;
+  asm volatile("ld.shared.v4.f32 {%0, %1, %2, %3}, [%4];"
+               : "=f"(now.v.x), "=f"(now.v.y), "=f"(now.v.z), "=f"(now.w)
+               : "r"(static_cast<unsigned>(__cvta_generic_to_shared(row)))
+               : "memory");
+  return now;
+}
+__device__ inline Row<double> read_now(const Row<double>* row) {
+  Row<double> now;
+  const auto at = static_cast<unsigned>(__cvta_generic_to_shared(row));
+  asm volatile("ld.shared.v2.f64 {%0, %1}, [%2];"
+               : "=d"(now.v.x), "=d"(now.v.y)
+               : "r"(at)
+               : "memory");
+  asm volatile("ld.shared.v2.f64 {%0, %1}, [%2];"
+               : "=d"(now.v.z), "=d"(now.w)
+               : "r"(at + 16)
+               : "memory");
+  return now;
+}
+
+// Elements that were linearised, in shared memory.
+template <class Effect, class T>
+struct LinearizedWork {
+  using Item = LinearizedElement<Effect, T>;
+  using Rows = sim::Rows<T, Effect::arity>;
+  const BlockVertices<T>& x;
+  const Item* elements;
+
+  __device__ Item fetch(int e) const { return elements[e]; }
+  __device__ void look_ahead(Item&) const {}
+  __device__ Rows gather(const Item& item, bool active) const {
+    return {rows_for(x, active), item.content.vertices};
+  }
+  __device__ void solve(const Item& item, const Rows& rows, bool active) const {
+    solve_linearized(x, item, rows, active);
+  }
+};
+
+// Elements that are evaluated one phase after the other. What does not change within a sweep is
+// read before the phase begins.
+template <class Effect, class T, bool resident>
+struct DirectWork {
+  struct Item {
+    typename BlockView<Effect, T>::Rest rest;
+    typename BlockView<Effect, T>::Local vertices;
+    Vec3<T> u[Effect::arity];
+    int element;
+  };
+  using Rows = sim::Rows<T, Effect::arity>;
+  const BlockVertices<T>& x;
+  Constants<Effect, T, resident> constants;
+  T* history;
+
+  __device__ Item fetch(int e) const {
+    return {constants.rest_of(e), constants.vertices_of(e), {}, e};
+  }
+  __device__ void look_ahead(Item& item) const { displacements_at_start(x, item.vertices, item.u); }
+  __device__ Rows gather(const Item& item, bool active) const {
+    const Row<T>* const rows = rows_for(x, active);
+    Rows gathered;
+    for (int i = 0; i < Effect::arity; ++i) gathered.row[i] = read_now(rows + item.vertices[i]);
+    return gathered;
+  }
+  __device__ void solve(const Item& item, const Rows& rows, bool active) const {
+    if (!active) return;
+    solve_element<Effect>(x, item.vertices, item.rest.rest,
+                          history + item.element * history_of<Effect>, item.u, rows);
+  }
+};
+
+// Solves the elements phase by phase. A lane's next element is fetched while it works on the
+// present one: between two phases only displacements are waited for. Lanes without an element work
+// on another's and keep nothing, so that a warp stays together. `bounds` are those of the phases;
+// the table goes on beyond them.
+template <bool one_warp_sweeps, class Work>
+__device__ void sweep(const Work& work, const int* bounds, int phases, int team) {
+  const int lane = static_cast<int>(threadIdx.x);
+  if (lane >= team || phases == 0) return;
+  int end = bounds[1], next_end = bounds[2];
+  typename Work::Item even = work.fetch(min(lane, end - 1)), odd;
+  work.look_ahead(even);
+  bool even_active = lane < end, odd_active = false;
+  const auto solve = [&](const typename Work::Item& item, bool active, typename Work::Item& next,
+                         bool& next_active, int phase) {
+    const auto rows = work.gather(item, active);
+    next = work.fetch(min(end + lane, next_end - 1));
+    next_active = end + lane < next_end;
+    end = next_end;
+    next_end = bounds[phase + 3];
+    work.solve(item, rows, active);
+    work.look_ahead(next);
+    if constexpr (one_warp_sweeps) {
+      __syncwarp();
+    } else {
+      asm volatile("bar.sync 1, %0;" ::"r"(team) : "memory");
+    }
+  };
+  for (int phase = 0; phase < phases; phase += 2) {
+    solve(even, even_active, odd, odd_active, phase);
+    solve(odd, odd_active, even, even_active, phase + 1);
+  }
+}
+template <class Work>
+__device__ void sweep(const Work& work, const int* bounds, int phases, int team) {
+  if (team == one_warp) {
+    sweep<true>(work, bounds, phases, team);
+  } else {
+    sweep<false>(work, bounds, phases, team);
+  }
+  __syncthreads();
+}
+
+// Everything that does not wait for the neighbours, for all elements side by side.
+template <class Effect, class T>
+__device__ void linearize_elements(const BlockVertices<T>& x,
+                                   const ResidentConstants<Effect, T>& constants, T* history,
+                                   int count, LinearizedElement<Effect, T>* elements) {
+  for (int e = static_cast<int>(threadIdx.x); e < count; e += static_cast<int>(blockDim.x)) {
+    linearize_element<Effect>(x, constants.vertices_of(e), constants.rest_of(e).rest,
+                              history + e * history_of<Effect>, elements[e]);
+  }
+  __syncthreads();
+}
+
+template <class Effect, class T>
+__device__ void sweep_effect(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int team,
+                             bool linearizes, WorkSpace work) {
+  const int* const bounds = in_shared(view.phase_begin);
+  const int phases = view.phases, count = bounds[phases];
+  T* const history = view.history;
+  if (view.resident < 0) {
+    const DirectWork<Effect, T, false> direct{x, {view.rest, view.vertices}, history};
+    return sweep(direct, bounds, phases, team);
+  }
+  const auto constants = resident_constants(view, count, work);
+  if constexpr (is_linearizable<Effect>) {
+    if (linearizes && view.linearizes) {
+      auto* const elements = work.as<LinearizedElement<Effect, T>>();
+      linearize_elements(x, constants, history, count, elements);
+      return sweep(LinearizedWork<Effect, T>{x, elements}, bounds, phases, team);
+    }
+  }
+  sweep(DirectWork<Effect, T, true>{x, constants, history}, bounds, phases, team);
+}
+
+// The sum over a vertex's replicas in all blocks, `from` in order, of which `local` is this one
+// with its `own`. All that are awaited are asked for before the first is taken.
+template <class T>
+__device__ Vec3<T> gathered(const Message<T>* messages, const int* from, const int* from_end,
+                            int local, const Vec3<T>& own, unsigned exchange) {
+  constexpr int batch = 8;
+  Vec3<T> sum;
+#pragma unroll 1
+  for (; from < from_end; from += batch) {
+    Message<T> message[batch];
+    int at[batch];  // `local` where nothing is awaited
+    bool waiting[batch];
+#pragma unroll
+    for (int k = 0; k < batch; ++k) {
+      at[k] = from + k < from_end ? from[k] : local;
+      waiting[k] = at[k] != local;
+    }
+    for (bool any = true; any;) {
+#pragma unroll
+      for (int k = 0; k < batch; ++k) {
+        if (waiting[k]) message[k] = Message<T>::look(messages + at[k]);
+      }
+      any = false;
+#pragma unroll
+      for (int k = 0; k < batch; ++k) {
+        waiting[k] = waiting[k] && !message[k].arrived(exchange);
+        any = any || waiting[k];
+      }
+    }
+#pragma unroll
+    for (int k = 0; k < batch; ++k) {
+      const Vec3<T> content = at[k] == local ? own : message[k].content();
+      sum += select(from + k < from_end, content, Vec3<T>{});
+    }
+  }
+  return sum;
+}
+
+// What a block has in shared memory, array after array.
+template <class T>
+struct BlockMemory {
+  Row<T>*u, *d;            // [replicas]
+  Vec3<T>* duals;          // [replicas of vertices with several]
+  Vec3<T>* v;              // [locals], none where a block is a whole body
+  Vec3<T>* corrections;    // [contacts * locals]
+  T* share;                // [locals]
+  ReplicaRange* replicas;  // [locals]
+  int* from_begin;         // [shared + 1]
+  int* from;               // [gathered]
+  int* table;              // of the element effects' phases
+  unsigned char* views;    // of all effects, one kind after the other
+  unsigned char* work;     // for elements
+
+  template <class Item>
+  __host__ __device__ static Item* take(unsigned char*& at, std::size_t count) {
+    constexpr std::size_t alignment = alignof(Item) > 16 ? alignof(Item) : 16;
+    at += (alignment - reinterpret_cast<std::uintptr_t>(at) % alignment) % alignment;
+    auto* const array = reinterpret_cast<Item*>(at);
+    at += count * sizeof(Item);
+    return array;
+  }
+  __host__ __device__ BlockMemory(unsigned char* at, const Frame<T>& frame) {
+    const std::size_t locals = frame.max_locals;
+    u = take<Row<T>>(at, frame.max_copies);
+    d = take<Row<T>>(at, frame.max_copies);
+    duals = take<Vec3<T>>(at, frame.max_carried);
+    v = take<Vec3<T>>(at, frame.single_block ? 0 : locals);
+    corrections = take<Vec3<T>>(at, frame.contacts * locals);
+    share = take<T>(at, locals);
+    replicas = take<ReplicaRange>(at, locals);
+    from_begin = take<int>(at, frame.max_shared + 1);
+    from = take<int>(at, frame.max_gathered);
+    table = take<int>(at, frame.max_table);
+    views = at;
+    Effects::for_each([&]<class Effect, std::size_t>() {
+      const Views<EffectView<Effect, T>>& all = frame.effects;
+      if (all.count > 0) take<BlockView<Effect, T>>(at, all.count);
+    });
+    work = take<unsigned char>(at, 0);
+  }
+  static std::size_t bytes(const Frame<T>& frame) {
+    return reinterpret_cast<std::uintptr_t>(BlockMemory(nullptr, frame).work);
+  }
+};
+
+// The effects as this block sees them, in shared memory: they are looked at for every vertex.
+template <EffectSet set, class T>
+__device__ BlockScene<T> scene_of_block(const Frame<T>& frame, int member, int block,
+                                        const BlockMemory<T>& own) {
+  BlockScene<T> scene;
+  unsigned char* at = own.views;
+  int* table = own.table;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (set >> i & 1) {
+      const Views<EffectView<Effect, T>>& all = frame.effects;
+      if (all.count == 0) return;
+      auto* const views = BlockMemory<T>::template take<BlockView<Effect, T>>(at, all.count);
+      for (int k = 0; k < all.count; ++k) {
+        table = view_of_block(all.items[member * all.count + k], block, threadIdx.x, blockDim.x,
+                              table, views[k]);
+      }
+      static_cast<Views<BlockView<Effect, T>>&>(scene.effects) = {in_shared(views), all.count};
+    }
+  });
+  scene.dt = static_cast<T>(frame.dt);
+  return scene;
+}
+
+// Whole bodies are small members of an ensemble: two of them share a multiprocessor, so that one
+// works while the other waits. Their velocities, read once a substep, then have no room of their
+// own.
+template <class T, EffectSet set, int max_threads, bool single_block = false>
+__global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
+    run_frame(const __grid_constant__ Frame<T> frame) {
+  extern __shared__ __align__(32) unsigned char shared[];
+  const int block = static_cast<int>(blockIdx.x) % frame.blocks;
+  const std::size_t member = frame.first_member + blockIdx.x / frame.blocks;
+  const int lane = static_cast<int>(threadIdx.x), lanes = static_cast<int>(blockDim.x);
+  const int first = frame.local_begin[block];
+  const int count = frame.local_begin[block + 1] - first;
+  const int shared_count = single_block ? 0 : frame.shared_end[block] - first;
+  Vec3<T>* const u = frame.u + member * frame.locals + first;
+  Vec3<T>* const v = frame.v + member * frame.locals + first;
+  Vec3<T>* const duals = frame.duals + member * frame.all_replicas + frame.replica_begin[block];
+  const BlockMemory<T> own(shared, frame);
+  const WorkSpace work{own.work - shared};
+  const BlockVertices<T> x{own.u,
+                           own.d,
+                           own.duals,
+                           single_block ? v : own.v,
+                           own.corrections,
+                           frame.rest + first,
+                           own.replicas,
+                           own.share,
+                           frame.leader ? frame.leader + first : nullptr,
+                           count,
+                           frame.replicated[block]};
+  const BlockScene<T> scene = scene_of_block<set>(frame, static_cast<int>(member), block, own);
+  const unsigned long long done = frame.done + frame.ahead[member];
+  const auto step_at = [&frame, &scene, done](int substep) {
+    return Step<T>{scene.dt, static_cast<double>(done + substep + 1) * frame.dt};
+  };
+  // In which order vertices are worked on: first those that no other block has, since meanwhile
+  // messages are on their way. A lane keeps to its own, or it might begin the next substep of one
+  // that another has not yet sent.
+  const int inner_count = count - shared_count;
+  const auto vertex_at = [inner_count, shared_count](int k) {
+    return k < inner_count ? shared_count + k : k - inner_count;
+  };
+  const int first_to_send = lane + round_up(lane < inner_count ? inner_count - lane : 0, lanes);
+  const int gather_first = frame.gather_begin[first];
+  const int gather_end = frame.gather_begin[first + shared_count];
+  for (int k = gather_first + lane; k < gather_end; k += lanes) {
+    own.from[k - gather_first] = frame.gather[k];
+  }
+  for (int i = lane; i <= shared_count; i += lanes) {
+    own.from_begin[i] = frame.gather_begin[first + i] - gather_first;
+  }
+  __syncthreads();
+  for_each_view<EffectKind::element, set>(
+      scene, [&]<class Effect>(const auto& view, int) { make_resident<Effect, T>(view, work); });
+  for (int i = lane; i < count; i += lanes) {
+    VertexNow<T> now;
+    own.replicas[i] = now.replicas = frame.replicas[first + i];
+    own.share[i] = now.share = frame.share[first + i];
+    now.u = {u[i], frame.inverse_mass[first + i]};
+    x.v[i] = now.v = v[i];
+    const T mobility = frame.mobility[first + i];
+    now.for_each_replica([&](int replica) {
+      x.u[replica] = now.u;
+      x.d[replica].w = mobility;
+      if (now.has_replicas()) x.duals[replica] = duals[replica];
+    });
+    begin_local<set>(scene, step_at(0), x, i, now);
+  }
+  __syncthreads();
+  const auto sweep = [&]<class Effect>(const auto& view) {
+    sweep_effect<Effect, T>(view, x, frame.team, frame.linearizes, work);
+  };
+  const auto offset = [&] {
+    offset_replicas(x, lane, lanes);
+    __syncthreads();
+  };
+  for (int substep = 0; substep < frame.substeps; ++substep) {
+    const auto load = [&] {
+      for (int i = lane; i < count; i += lanes) load_local<set>(scene, step_at(substep), x, i);
+      __syncthreads();
+    };
+    sweep_in_order<set>(scene, sweep, load, offset);
+    const unsigned exchange = static_cast<unsigned>(done + substep + 1);
+    Message<T>* const messages = frame.messages + (2 * member + (exchange & 1u)) * frame.locals;
+    for (int k = first_to_send; k < count; k += lanes) {
+      const int i = vertex_at(k);
+      Message<T>::send(messages + first + i, sum_of_replicas(scene, x, VertexNow<T>(x, i)),
+                       exchange);
+    }
+    for (int k = lane; k < count; k += lanes) {
+      const int i = vertex_at(k);
+      VertexNow<T> now(x, i);
+      Vec3<T> sum;
+      if (now.has_replicas()) sum = sum_of_replicas(scene, x, now);
+      if (i < shared_count) {
+        sum = gathered(messages, own.from + own.from_begin[i], own.from + own.from_begin[i + 1],
+                       first + i, sum, exchange);
+      }
+      finish_local<set>(scene, step_at(substep), x, i, sum, now);
+      if (substep + 1 < frame.substeps) begin_local<set>(scene, step_at(substep + 1), x, i, now);
+    }
+    __syncwarp();  // lanes that waited and lanes that did not go on as one
+    __syncthreads();
+  }
+  for (int k = lane; k < count; k += lanes) {
+    const int i = vertex_at(k);
+    const VertexNow<T> now(x, i);
+    u[i] = now.u.v;
+    v[i] = now.v;
+    if (now.has_replicas()) {
+      now.for_each_replica([&](int replica) { duals[replica] = x.duals[replica]; });
+    }
+    for (int contact = 0; contact < frame.contacts; ++contact) {
+      frame.touching[(member * frame.contacts + contact) * frame.locals + first + i] =
+          touches(x.corrections[contact * count + i]);
+    }
+  }
+}
+
+inline constexpr int min_width = 256, usual_width = 384, max_width = 512;  // threads
+
+// A compiled kernel and what it is for: the fewer threads at most, the more registers each has.
+template <class T>
+struct KernelVariant {
+  EffectSet effects;
+  int max_threads;
+  bool single_block;
+  void (*kernel)(Frame<T>);
+};
+template <class T, EffectSet set, int max_threads, bool single_block = false>
+constexpr KernelVariant<T> variant() {
+  return {set, max_threads, single_block, run_frame<T, set, max_threads, single_block>};
+}
+
+// All kernels of frames that there are. A run takes the first with its effects and its threads.
+template <class T>
+inline constexpr std::array<KernelVariant<T>, 0> kernel_variants{};
+template <>
+inline constexpr std::array kernel_variants<float>{variant<float, tissue, min_width, true>(),
+                                                   variant<float, tissue, min_width>(),
+                                                   variant<float, tissue, usual_width>(),
+                                                   variant<float, tissue, max_width>(),
+                                                   variant<float, damped_tissue, min_width, true>(),
+                                                   variant<float, damped_tissue, min_width>(),
+                                                   variant<float, damped_tissue, usual_width>(),
+                                                   variant<float, damped_tissue, max_width>(),
+                                                   variant<float, held_tissue, min_width, true>(),
+                                                   variant<float, held_tissue, min_width>(),
+                                                   variant<float, held_tissue, usual_width>(),
+                                                   variant<float, held_tissue, max_width>(),
+                                                   variant<float, all_effects, min_width>()};
+template <>
+inline constexpr std::array kernel_variants<double>{
+    variant<double, tissue, min_width>(), variant<double, damped_tissue, min_width>(),
+    variant<double, held_tissue, min_width>(), variant<double, all_effects, min_width>()};
+
+template <class T>
+auto kernel_for(EffectSet named, int threads, bool single_block) {
+  const auto fits = [&](const KernelVariant<T>& one) {
+    return (named & ~one.effects) == 0 && threads <= one.max_threads &&
+           single_block == one.single_block;
+  };
+  const auto found = std::find_if(kernel_variants<T>.begin(), kernel_variants<T>.end(), fits);
+  return found == kernel_variants<T>.end() ? nullptr : found->kernel;
+}
+template <class T>
+bool has_several_widths(EffectSet named) {
+  return sizeof(T) == 4 && (named & ~held_tissue) == 0;
+}
+
+// How many threads work on `elements`, or exchange `shared` vertices. As many as take the
+// fewest rounds over the elements, beyond a warp for each of a multiprocessor's schedulers the same
+// number for each. More than usual leave each too few registers, and pay only where all exchanged
+// vertices then fit into one round (measured: docs/results/cuda.md).
+inline int threads_for(int elements, int shared, int most) {
+  constexpr int schedulers = 4;
+  if (shared <= usual_width || shared > most) most = std::min(most, usual_width);
+  const int rounds = round_up(std::max(1, elements), most) / most;
+  const int threads = round_up((elements + rounds - 1) / rounds, one_warp);
+  return threads > schedulers * one_warp ? round_up(threads, schedulers * one_warp) : threads;
+}
+
+}  // namespace viscera::sim

@@ -1,0 +1,572 @@
+// Block Gauss-Seidel on a CUDA device: what the kernel of a frame (cuda/block_kernel.cuh) is given,
+// where it lies on the device, and how states enter and leave.
+#include <cuda_runtime.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "sim/backend/cuda/block_bound.cuh"
+#include "sim/backend/cuda/block_kernel.cuh"
+#include "sim/backend/cuda/blocks.hpp"
+#include "sim/backend/cuda/memory.cuh"
+
+namespace viscera::sim {
+namespace {
+
+constexpr int min_block = 150;         // tets: smaller blocks cost accuracy and are no faster
+constexpr std::size_t alignment = 16;  // of arrays in shared memory, bytes
+constexpr int max_wanted = 12000;  // tets: the vertices of larger ones leave no room for the work
+
+int attribute(cudaDeviceAttr which) {
+  int value = 0;
+  check(cudaDeviceGetAttribute(&value, which, 0), "asking what the device has");
+  return value;
+}
+
+// What one element effect keeps on the device.
+template <class Effect, class T>
+struct DeviceElements : Placement<Effect::arity> {
+  using Rest = AlignedRest<typename Effect::template Rest<T>>;
+  using DevicePlanes = std::array<DeviceArray<Piece>, PlanesView<Rest>::count>;
+  using Placement<Effect::arity>::element_of;
+  DeviceArray<LocalVertices<Effect::arity>> vertices;
+  DevicePlanes rest;
+  std::vector<DevicePlanes> own_rest;  // [members], a plane is empty where it is that of `rest`
+  DeviceArray<int> phase_begin, block_phase;
+  DeviceArray<T> history;         // [members * elements * history_of]
+  DeviceArray<T> history_before;  // at the start of the frame, likewise
+  std::vector<char> linearizes;   // [members]
+  int max_elements;               // of a block
+  int max_phases;
+  int resident = -1;  // where blocks keep constants close, bytes; -1: nowhere
+
+  DeviceElements(BlockElements<Effect, T>&& host, int members)
+      : Placement<Effect::arity>(std::move(host)),
+        vertices(host.vertices),
+        own_rest(members),
+        phase_begin(host.phase_begin),
+        block_phase(host.block_phase),
+        history(members * host.rest.size() * history_of<Effect>),
+        history_before(history.size()),
+        linearizes(members, 1),
+        max_elements(host.max_elements()),
+        max_phases(host.max_phases()) {
+    const Planes<Rest> planes = planes_of(host.rest);
+    for (std::size_t p = 0; p < rest.size(); ++p) rest[p] = DeviceArray<Piece>(planes[p]);
+  }
+
+  EffectView<Effect, T> view(int member) const {
+    EffectView<Effect, T> view{vertices.get(),
+                               {},
+                               history.get() + member * element_of.size() * history_of<Effect>,
+                               phase_begin.get(),
+                               block_phase.get(),
+                               resident,
+                               linearizes[member] != 0};
+    for (std::size_t p = 0; p < rest.size(); ++p) {
+      const auto& own = own_rest[member][p];
+      view.rest.planes[p] = own.size() > 0 ? own.get() : rest[p].get();
+    }
+    return view;
+  }
+  // A member keeps of its own what is not as all have it.
+  void set_rest(int member, const std::vector<Rest>& host) {
+    const Planes<Rest> planes = planes_of(host);
+    for (std::size_t p = 0; p < rest.size(); ++p) {
+      if (own_rest.size() == 1) {
+        rest[p].upload(planes[p]);
+      } else if (planes[p] == rest[p].download()) {
+        own_rest[member][p] = {};
+      } else {
+        own_rest[member][p] = DeviceArray<Piece>(planes[p]);
+      }
+    }
+  }
+  void save_history(std::vector<double>& all, int member) const {
+    if constexpr (history_of<Effect> != 0) {
+      save_kept<history_of<Effect>>(history, element_of, all, member);
+    }
+  }
+  void load_history(std::span<const double>& all, int member) {
+    if constexpr (history_of<Effect> != 0) {
+      load_kept<history_of<Effect>>(history, element_of, all, member);
+    }
+  }
+};
+
+template <class Effect, class T, EffectKind kind = Effect::kind>
+struct Own {};
+template <class Effect, class T>
+struct Own<Effect, T, EffectKind::element> : DeviceElements<Effect, T> {
+  using DeviceElements<Effect, T>::DeviceElements;
+};
+
+// Substeps of one launch, which nothing can interrupt: a few milliseconds.
+constexpr int longest_launch = 1024;
+
+template <class T>
+class CudaBlocks final : public Ensemble {
+ public:
+  CudaBlocks(const Model& model, const Scene& scene, int tets_per_block, int members,
+             std::string name, std::function<void()> pause_point)
+      : name_(std::move(name)),
+        pause_point_(std::move(pause_point)),
+        members_(members),
+        program_(model, scene),
+        layout_(model, program_, tets_per_block, team_of(model, program_, tets_per_block)) {
+    BoundedTets<T> bounded(model, scene, Method::xpbd);
+    require_device_memory(bytes_needed(bounded));
+    frame_.dt = program_.dt;
+    frame_.locals = local_count();
+    frame_.blocks = layout_.block_count();
+    frame_.team = layout_.team().lanes;
+    frame_.single_block = layout_.team().single_block;
+    place_vertices();
+    place_effects(assess(model, scene).cs_max);
+    share_out_memory();
+    make_views();
+    ask_for_the_device();
+    graph_ = Graph(stream_, [this] { enqueue_frame(); });
+    bound_.emplace(std::move(bounded), layout_, program_, members_, u_.get(), v_.get());
+    if (!bound_->is_empty()) {
+      u_before_ = DeviceArray<Vec3<T>>(u_.size());
+      v_before_ = DeviceArray<Vec3<T>>(v_.size());
+      duals_before_ = DeviceArray<Vec3<T>>(duals_.size());
+    }
+  }
+
+  int size() const override { return members_; }
+
+  // In one launch, or where a tet comes to the bound on compression in one a substep.
+  void advance_frame() override {
+    if (bound_->is_empty()) return run_whole_frame();
+    if (!bound_->is_reached()) {
+      keep_start();
+      run_whole_frame();
+      bound_->count(stream_);
+      if (!bound_->is_passed()) return bound_->end_frame();
+      return_to_start();
+    }
+    run_by_substeps();
+    bound_->count(stream_);
+    bound_->end_frame();
+  }
+
+  State state(int member) const override {
+    const std::size_t locals = local_count(), first = member * locals;
+    State state{gathered(u_.download(first, locals)), gathered(v_.download(first, locals)),
+                step_ + ahead_.download(member, 1)[0]};
+    const std::size_t replicas = frame_.all_replicas;
+    state.duals = cast_all<double>(duals_.download(member * replicas, replicas));
+    save_history(own_, state, member);
+    return state;
+  }
+  void set_state(int member, const State& state) override {
+    const std::size_t locals = local_count();
+    u_.upload(spread(state.u), member * locals);
+    v_.upload(spread(state.v), member * locals);
+    const std::size_t replicas = frame_.all_replicas;
+    duals_.upload(state.duals_for<T>(replicas), member * replicas);
+    ahead_.upload({state.step - step_}, member);
+    clear_messages(member, 1);
+    load_history(own_, state, member);
+    bound_->begin_at(member, state, stream_);
+  }
+  void retune(int member, const Model& model, const Scene& scene) override {
+    check_scene(scene);
+    program_.retune({model, scene});
+    const double cs = assess(model, scene).cs_max;
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      const auto& effects = std::get<i>(program_.effects);
+      for (std::size_t k = 0; k < effects.size(); ++k) {
+        auto& views = std::get<i>(host_views_);
+        if constexpr (Effect::kind == EffectKind::element) {
+          auto& own = std::get<i>(own_)[k];
+          const bool linearizes = layout_.linearizes(effects[k], program_, cs);
+          own.linearizes[member] = linearizes;
+          own.set_rest(member, layout_.rest_of(effects[k], program_, own, linearizes));
+          views[member * effects.size() + k] = own.view(member);
+        } else if constexpr (requires { effects[k].device; }) {
+          views[member * effects.size() + k].device = effects[k].device;
+        }
+      }
+    });
+    upload_views();
+  }
+  void steer(int member, const Scene& scene) override {
+    check_scene(scene);
+    program_.steer(scene);
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (is_steered<Effect>) {
+        const auto& effects = std::get<i>(program_.effects);
+        auto& views = std::get<i>(host_views_);
+        for (std::size_t k = 0; k < effects.size(); ++k) {
+          views[member * effects.size() + k].device = effects[k].device;
+        }
+        static_cast<ArrayOf<Effect>&>(views_).array.upload(views);
+      }
+    });
+  }
+  std::size_t contact_count(int member) const override {
+    const std::size_t locals = local_count(), all = frame_.contacts * locals;
+    const auto touching = touching_.download(member * all, all);
+    std::size_t count = 0;
+    for (int k = 0; k < frame_.contacts; ++k) {
+      for (int v = 0; v < vertex_count(); ++v) {
+        count += touching[k * locals + layout_.locals_of(v)[0]];
+      }
+    }
+    return count;
+  }
+  std::string device() const override { return "cuda, " + name_; }
+  bool off_host() const override { return true; }
+  SubstepWork substep_work() const override {
+    const double row = sizeof(Row<T>), vector = sizeof(Vec3<T>);
+    // A vertex: v; a replica: u, d and its dual variable; between blocks: messages out and in.
+    SubstepWork work{
+        .shared_bytes = 2.0 * vector * local_count() + (3.0 * row + 2.0 * vector) * replica_count(),
+        .global_bytes = 2.0 * sizeof(Message<T>) * static_cast<double>(gather_.size())};
+    for_each_slot<EffectKind::element>(own_, [&]<class Effect>(const auto& own) {
+      using Resident = ResidentConstants<Effect, T>;
+      const double count = static_cast<double>(own.element_of.size());
+      // u and d are read and d is written, by a linearised element d is read twice.
+      const bool linearized = frame_.linearizes && is_linearizable<Effect> && own.linearizes[0];
+      work.shared_bytes += count * Effect::arity * (linearized ? 4.0 : 3.0) * row;
+      if (linearized) work.shared_bytes += count * 2.0 * work_of_element<Effect, T>;
+      (own.resident >= 0 ? work.shared_bytes : work.global_bytes) += count * Resident::bytes;
+      work.global_bytes += count * 2.0 * history_of<Effect> * sizeof(T);
+      work.phases += own.max_phases;
+    });
+    return work;
+  }
+
+ private:
+  template <class Effect>
+  using View = EffectView<Effect, T>;
+  template <class Effect>
+  using OwnOf = Own<Effect, T>;
+  template <class Effect>
+  using ViewArray = DeviceArray<EffectView<Effect, T>>;
+  template <class Effect>
+  struct ArrayOf {
+    ViewArray<Effect> array;
+  };
+
+  // Of the large arrays, if every member has materials of its own.
+  std::size_t bytes_needed(const BoundedTets<T>& bounded) const {
+    const std::size_t locals = local_count();
+    const std::size_t vertex_state =
+        2 * locals * sizeof(Vec3<T>) + replica_count() * sizeof(Vec3<T>);
+    const int copies_of_state = bounded.vertices.empty() ? 1 : 2;
+    std::size_t shared = locals * (sizeof(Vec3<T>) + 3 * sizeof(T) + 4 * sizeof(int));
+    std::size_t own = copies_of_state * vertex_state + 2 * locals * sizeof(Message<T>);
+    for_each_slot<EffectKind::element>(program_.effects, [&]<class Effect>(const auto& effect) {
+      const std::size_t elements = effect.rest.size();
+      shared += elements * sizeof(LocalVertices<Effect::arity>);
+      own += elements * (sizeof(AlignedRest<typename Effect::template Rest<T>>) +
+                         2 * history_of<Effect> * sizeof(T));
+    });
+    shared += CudaBlockBound<T>::bytes(bounded, vertex_count(), locals);
+    return shared + members_ * own;
+  }
+
+  void place_vertices() {
+    const LocalConstants<T> constants = layout_.constants(program_);
+    std::vector<int> local_begin = {0}, replica_begin, replicated, shared_end, gather_begin = {0},
+                     gather;
+    for (const LocalVertex& local : layout_.locals()) {
+      const auto& all = layout_.locals_of(local.vertex);
+      if (all.size() > 1) gather.insert(gather.end(), all.begin(), all.end());
+      gather_begin.push_back(static_cast<int>(gather.size()));
+    }
+    const auto raise = [](int& most, int by) { most = std::max(most, by); };
+    for (int block = 0; block < layout_.block_count(); ++block) {
+      const Range locals = layout_.locals_in(block), replicas_here = layout_.replicas_in(block);
+      local_begin.push_back(locals.end);
+      replica_begin.push_back(replicas_here.begin);
+      shared_end.push_back(layout_.shared_in(block).end);
+      raise(frame_.max_locals, locals.end - locals.begin);
+      raise(frame_.max_shared, shared_end.back() - locals.begin);
+      raise(frame_.max_copies, replicas_here.end - replicas_here.begin);
+      replicated.push_back(layout_.replicated_in(block).end - replicas_here.begin);
+      raise(frame_.max_carried, replicated.back());
+      raise(frame_.max_gathered, gather_begin[locals.end] - gather_begin[locals.begin]);
+    }
+    const std::size_t all = static_cast<std::size_t>(members_) * local_count();
+    frame_.u = (u_ = DeviceArray<Vec3<T>>(all)).get();
+    frame_.v = (v_ = DeviceArray<Vec3<T>>(all)).get();
+    frame_.all_replicas = replica_count();
+    frame_.duals = (duals_ = DeviceArray<Vec3<T>>(members_ * replica_count())).get();
+    frame_.replica_begin = (replica_begin_ = DeviceArray<int>(replica_begin)).get();
+    frame_.replicated = (replicated_ = DeviceArray<int>(replicated)).get();
+    frame_.messages = (messages_ = DeviceArray<Message<T>>(2 * all)).get();
+    frame_.ahead = (ahead_ = DeviceArray<unsigned long long>(members_)).get();
+    frame_.rest = (rest_ = DeviceArray<Vec3<T>>(constants.rest)).get();
+    frame_.inverse_mass = (inverse_mass_ = DeviceArray<T>(constants.inverse_mass)).get();
+    frame_.mobility = (mobility_ = DeviceArray<T>(constants.mobility)).get();
+    frame_.share = (share_ = DeviceArray<T>(constants.share)).get();
+    frame_.leader = (leader_ = DeviceArray<int>(constants.leader)).get();
+    frame_.replicas = (replicas_ = DeviceArray<ReplicaRange>(constants.replicas)).get();
+    frame_.local_begin = (local_begin_ = DeviceArray<int>(local_begin)).get();
+    frame_.shared_end = (shared_end_ = DeviceArray<int>(shared_end)).get();
+    frame_.gather_begin = (gather_begin_ = DeviceArray<int>(gather_begin)).get();
+    frame_.gather = (gather_ = DeviceArray<int>(gather)).get();
+  }
+
+  static EffectSet named_in(const Program<T>& program) {
+    EffectSet named = 0;
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if (!std::get<i>(program.effects).empty()) named |= EffectSet{1} << i;
+    });
+    return named;
+  }
+  static BlockTeam team_of(const Model& model, const Program<T>& program, int tets_per_block) {
+    BlockTeam team = team_for(tets_per_block, static_cast<int>(model.tet_count()));
+    if (!has_several_widths<T>(named_in(program))) {
+      team.lanes = std::min(team.lanes, min_width);
+      team.single_block = false;
+    }
+    return team;
+  }
+
+  void place_effects(double cs) {
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      const auto& effects = std::get<i>(program_.effects);
+      const int count = static_cast<int>(effects.size());
+      static_cast<Views<EffectView<Effect, T>>&>(frame_.effects).count = count;
+      if (Effect::kind == EffectKind::contact) frame_.contacts += count;
+      if constexpr (Effect::kind == EffectKind::element) {
+        for (const auto& effect : effects) {
+          const bool linearizes = layout_.linearizes(effect, program_, cs);
+          auto elements = layout_.lay_out(effect, program_, linearizes);
+          frame_.max_table += table_size(elements.max_phases());
+          auto& own = std::get<i>(own_).emplace_back(std::move(elements), members_);
+          std::ranges::fill(own.linearizes, linearizes);
+        }
+      }
+    });
+    touching_ = DeviceArray<unsigned char>(static_cast<std::size_t>(members_) * frame_.contacts *
+                                           local_count());
+    frame_.touching = touching_.get();
+  }
+
+  // A block's shared memory: its vertices and tables; what one effect after the other works in; and
+  // behind it, where all of them fit, the constants of the elements.
+  void share_out_memory() {
+    const bool linearizes = layout_.team().linearizes;
+    std::size_t linearized = 0, constants = 0;
+    int items = 0;  // to be worked on side by side
+    for_each_slot<EffectKind::element>(own_, [&]<class Effect>(const auto& own) {
+      using Resident = ResidentConstants<Effect, T>;
+      const std::size_t most = own.max_elements;
+      linearized = std::max(linearized, linearizes ? most * work_of_element<Effect, T> : 0);
+      constants += round_up(most * Resident::bytes, alignment);
+      if (is_linearizable<Effect>) items = std::max(items, own.max_elements);
+    });
+    const std::size_t all = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin);
+    const std::size_t half = attribute(cudaDevAttrMaxSharedMemoryPerMultiprocessor) / 2 -
+                             attribute(cudaDevAttrReservedSharedMemoryPerBlock);
+    const std::size_t before = BlockMemory<T>::bytes(frame_);
+    const bool resident = before + linearized + constants <= (frame_.single_block ? half : all);
+    frame_.linearizes = linearizes && resident;
+    shared_bytes_ = before + (resident ? linearized + constants : 0);
+    require_room(shared_bytes_, all);
+    if (resident) {
+      std::size_t at = linearized;
+      for_each_slot<EffectKind::element>(own_, [&]<class Effect>(auto& own) {
+        own.resident = static_cast<int>(at);
+        at += round_up(own.max_elements * ResidentConstants<Effect, T>::bytes, alignment);
+      });
+    }
+    const EffectSet named = named_in(program_);
+    const bool narrow = frame_.single_block || !has_several_widths<T>(named);
+    const int most = narrow ? min_width : max_width;
+    if (items == 0 || !frame_.linearizes) items = frame_.max_locals;
+    threads_ = std::max(frame_.team, threads_for(items, frame_.max_shared, most));
+    kernel_ = kernel_for<T>(named, threads_, frame_.single_block);
+  }
+
+  void make_views() {
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      auto& views = std::get<i>(host_views_);
+      for (int member = 0; member < members_; ++member) {
+        if constexpr (Effect::kind == EffectKind::element) {
+          for (const auto& own : std::get<i>(own_)) views.push_back(own.view(member));
+        } else {
+          for (const auto& effect : std::get<i>(program_.effects)) {
+            if constexpr (requires { effect.device; }) views.push_back({{effect.device}});
+          }
+        }
+      }
+    });
+    upload_views();
+  }
+
+  void ask_for_the_device() {
+    // The kernel's limit is one for all solvers that run it: it is raised as far as it goes, or a
+    // smaller one made later would take this one's room.
+    cudaFuncAttributes kernel{};
+    check(cudaFuncGetAttributes(&kernel, kernel_), "looking at a kernel");
+    const int most = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin) -
+                     static_cast<int>(kernel.sharedSizeBytes);
+    check(cudaFuncSetAttribute(kernel_, cudaFuncAttributeMaxDynamicSharedMemorySize, most),
+          "asking for shared memory");
+    int a_processor = 0;
+    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, kernel_, threads_,
+                                                        shared_bytes_),
+          "asking for the blocks that run at once");
+    at_once_ = std::max(1, a_processor * attribute(cudaDevAttrMultiProcessorCount) / frame_.blocks);
+  }
+
+  void run_whole_frame() {
+    for (int left = program_.substeps; left > 0; left -= frame_.substeps) {
+      pause_point_();
+      launch_substeps(std::min(left, longest_launch));
+      stream_.finish("running a frame");
+    }
+  }
+  void run_by_substeps() {
+    for (int substep = 0; substep < program_.substeps; ++substep) {
+      pause_point_();
+      launch_substeps(1);
+      bound_->correct(stream_);
+    }
+  }
+
+  // As a graph: 2 us less than launches of their own.
+  void launch_substeps(int substeps) {
+    frame_.substeps = substeps;
+    frame_.done = step_;
+    graph_.change_argument<Frame<T>>([this](Frame<T>& frame) {
+      const int first_member = frame.first_member;
+      frame = frame_;
+      frame.first_member = first_member;
+    });
+    graph_.launch(stream_, "launching a frame");
+    step_ += substeps;
+  }
+
+  void keep_start() {
+    u_.copy_to(u_before_, stream_);
+    v_.copy_to(v_before_, stream_);
+    duals_.copy_to(duals_before_, stream_);
+    for_each_slot<EffectKind::element>(own_, [this]<class Effect>(const auto& own) {
+      own.history.copy_to(own.history_before, stream_);
+    });
+  }
+  void return_to_start() {
+    u_before_.copy_to(u_, stream_);
+    v_before_.copy_to(v_, stream_);
+    duals_before_.copy_to(duals_, stream_);
+    for_each_slot<EffectKind::element>(own_, [this]<class Effect>(const auto& own) {
+      own.history_before.copy_to(own.history, stream_);
+    });
+    stream_.finish("returning to the start of a frame");
+    step_ -= program_.substeps;
+    clear_messages(0, members_);
+  }
+  // Messages of an exchange that is to come again must not be taken for it.
+  void clear_messages(int first, int members) {
+    const std::size_t locals = local_count();
+    messages_.clear(2 * first * locals, 2 * members * locals);
+  }
+
+  // Blocks of a member wait for one another, so all of them run at once: as many members at a time
+  // as the device holds.
+  void enqueue_frame() {
+    void* arguments[] = {&frame_};
+    for (int first = 0; first < members_; first += at_once_) {
+      frame_.first_member = first;
+      const int blocks = frame_.blocks * std::min(at_once_, members_ - first);
+      check(cudaLaunchCooperativeKernel(kernel_, dim3(blocks), dim3(threads_), arguments,
+                                        shared_bytes_, stream_),
+            "launching a frame");
+    }
+  }
+
+  void upload_views() {
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      auto& array = static_cast<ArrayOf<Effect>&>(views_).array;
+      array = ViewArray<Effect>(std::get<i>(host_views_));
+      static_cast<Views<EffectView<Effect, T>>&>(frame_.effects).items = array.get();
+    });
+  }
+
+  static void require_room(std::size_t bytes, std::size_t most) {
+    if (bytes <= most) return;
+    throw Refusal(Refusal::Cause::device, "block_tets",
+                  "a block needs " + std::to_string(bytes >> 10) + " KiB",
+                  "at most " + std::to_string(most >> 10) + " KiB, the device's shared memory",
+                  "use a smaller block_tets, a coarser mesh or scheme: gauss_seidel");
+  }
+
+  std::vector<Vec3<double>> gathered(const std::vector<Vec3<T>>& locals) const {
+    std::vector<Vec3<double>> field;
+    for (int v = 0; v < vertex_count(); ++v) {
+      field.push_back(cast<double>(locals[layout_.locals_of(v)[0]]));
+    }
+    return field;
+  }
+  std::vector<Vec3<T>> spread(const std::vector<Vec3<double>>& field) const {
+    std::vector<Vec3<T>> locals;
+    for (const LocalVertex& local : layout_.locals()) {
+      locals.push_back(cast<T>(field[local.vertex]));
+    }
+    return locals;
+  }
+
+  int replica_count() const { return layout_.replicas_in(layout_.block_count() - 1).end; }
+  int local_count() const { return static_cast<int>(layout_.locals().size()); }
+  int vertex_count() const { return static_cast<int>(program_.rest.size()); }
+
+  std::string name_;
+  std::function<void()> pause_point_;
+  int members_;
+  int at_once_ = 0;     // members
+  Program<T> program_;  // of the member that was tuned last
+  BlockLayout layout_;
+  Frame<T> frame_{};
+  void (*kernel_)(Frame<T>) = nullptr;
+  int threads_ = 0;
+  Stream stream_;
+  Graph graph_;
+  std::uint64_t step_ = 0;
+  std::size_t shared_bytes_ = 0;
+  Effects::Slots<OwnOf> own_;
+  Effects::Slots<View> host_views_;
+  Effects::Joined<ArrayOf> views_;
+  DeviceArray<Vec3<T>> u_, v_, duals_, rest_;
+  DeviceArray<T> inverse_mass_, mobility_, share_;
+  DeviceArray<ReplicaRange> replicas_;
+  DeviceArray<int> leader_, local_begin_, replica_begin_, replicated_, shared_end_, gather_begin_,
+      gather_;
+  DeviceArray<Message<T>> messages_;
+  DeviceArray<unsigned char> touching_;
+  DeviceArray<unsigned long long> ahead_;
+  std::optional<CudaBlockBound<T>> bound_;
+  DeviceArray<Vec3<T>> u_before_, v_before_, duals_before_;  // at the start of the frame
+};
+
+}  // namespace
+
+std::unique_ptr<Ensemble> make_cuda_blocks(const Model& model, const Scene& scene,
+                                           const SolverOptions& options, int members,
+                                           const std::string& name) {
+  // All blocks of a member run at once, one a multiprocessor, and those of all members if they can.
+  const int processors = attribute(cudaDevAttrMultiProcessorCount);
+  const auto tets_in_each_of = [&model](int blocks) {
+    return (static_cast<int>(model.tet_count()) + blocks - 1) / blocks;
+  };
+  const int shared_out = tets_in_each_of(std::max(1, processors / members));
+  const int wanted =
+      options.block_tets > 0 ? options.block_tets : std::clamp(shared_out, min_block, max_wanted);
+  const int tets_per_block = std::max(wanted, tets_in_each_of(processors));
+  if (options.precision == Precision::fp64) {
+    return std::make_unique<CudaBlocks<double>>(model, scene, tets_per_block, members, name,
+                                                options.pause_point);
+  }
+  return std::make_unique<CudaBlocks<float>>(model, scene, tets_per_block, members, name,
+                                             options.pause_point);
+}
+
+}  // namespace viscera::sim

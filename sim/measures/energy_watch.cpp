@@ -1,0 +1,145 @@
+#include "sim/measures/energy_watch.hpp"
+
+#include <algorithm>
+#include <sstream>
+
+#include "sim/measures/balance.hpp"
+#include "sim/measures/element_forces.hpp"
+
+namespace viscera::sim {
+namespace {
+
+constexpr double min_strain = 1e-3;  // of the whole body: what is less is not judged
+
+// Constraints whose potential the diagnostics do not count: beds and branches.
+template <class Effect>
+constexpr bool stores_apart = [] {
+  if constexpr (is_constraint<Effect>) return !requires {
+      &Effect::energy;
+    };
+  return false;
+}();
+
+// m/s, of the obstacles and of the vertices that are led.
+double led_speed(const Scene& scene, double time_s) {
+  double most = 0.0;
+  for (const auto& path : scene.params<Prescribed>()) {
+    constexpr double steepest = 1.5;  // of the smooth ramp, over its mean
+    const double min_s = scene.time.substep_s();
+    if (time_s < path.start || time_s > path.start + path.duration + scene.time.frame_s) continue;
+    most = std::max(most, steepest * norm(path.displacement) / std::max(path.duration, min_s));
+  }
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (std::is_base_of_v<Travel, typename Effect::Params>) {
+      for (const auto& it : std::get<i>(scene.effects)) most = std::max(most, norm(it.velocity));
+    }
+  });
+  return most;
+}
+
+}  // namespace
+
+EnergyWatch::EnergyWatch(const Model& model, const Scene& scene, Method method)
+    : model_(model), scene_(scene), loads_end_s_(loads_end(scene.effects)) {
+  closed_ = method != Method::pbd && !scene.has<Grip>() && !scene.has<ShapeMatching>();
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    for (const auto& params : std::get<i>(scene.effects)) {
+      if constexpr (is_load<Effect> || stores_apart<Effect>) {
+        std::get<i>(on_).emplace_back(model, params, scene.time.substep_s());
+      }
+    }
+  });
+  double stiffness = 0.0, fastest = 0.0;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    const Material material = model.material(t);
+    const Lame constants = lame(material);
+    stiffness += model.volume[t] * material.youngs_modulus;
+    fastest = std::max(fastest, (constants.lambda + 2.0 * constants.mu) / material.density);
+  }
+  min_energy_ = 0.5 * stiffness * min_strain * min_strain;
+  wave_speed_ = std::sqrt(fastest);
+}
+
+double EnergyWatch::stored(const State& now) const {
+  double sum = 0.0;
+  const auto remembered = history_of_elements(on_, now);
+  auto history = remembered.value_or(std::span<const double>());
+  for_each_slot<EffectKind::element>(on_, [&]<class Effect>(const auto& effect) {
+    if constexpr (stores_apart<Effect>) {
+      if (history_of < Effect >> 0 && !remembered) return;
+      constexpr int arity = Effect::arity;
+      for (std::size_t e = 0; e < effect.vertices.size(); ++e) {
+        Vec3<double> u[arity];
+        const Vec3<double> none[arity] = {};
+        for (int i = 0; i < arity; ++i) u[i] = now.u[effect.vertices[e][i]];
+        Evaluation<double, Effect::rows, arity> c;
+        evaluate_element<Effect>(effect.rest[e], history.data() + e * history_of<Effect>, u, none,
+                                 c);
+        for (int row = 0; row < Effect::rows; ++row) {
+          sum += 0.5 * c.stiffness[row] * c.value[row] * c.value[row];
+        }
+      }
+      history = history.subspan(effect.vertices.size() * history_of<Effect>);
+    }
+  });
+  return sum;
+}
+
+double EnergyWatch::work(const State& before, const State& now) const {
+  double sum = 0.0;
+  for_each_slot<EffectKind::element>(on_, [&]<class Effect>(const auto& effect) {
+    if constexpr (is_load<Effect>) {
+      VertexField force(now.u.size());
+      add_forces<Effect>(effect, {}, before.u, {}, force);
+      add_forces<Effect>(effect, {}, now.u, {}, force);
+      for (std::size_t i = 0; i < force.size(); ++i) {
+        sum += 0.5 * dot(force[i], now.u[i] - before.u[i]);
+      }
+    }
+  });
+  return sum;
+}
+
+std::string EnergyWatch::too_fast(const Diagnostics& sums, double time_s,
+                                  const Course& course) const {
+  double acceleration = 0.0;
+  for (const auto& gravity : scene_.params<Gravity>()) {
+    acceleration += norm(Gravity::vector(gravity));
+  }
+  const double limit = speed_factor * (wave_speed_ + led_speed(scene_, time_s) +
+                                       std::sqrt(2.0 * acceleration * course.displacement));
+  if (sums.max_speed <= limit) return "";
+  std::ostringstream text;
+  text << "a speed of " << sums.max_speed << " m/s, where loads and strain waves account for "
+       << limit << " m/s at most";
+  return text.str();
+}
+
+std::string EnergyWatch::judge(const State* before, const State& now, const Diagnostics& sums,
+                               double time_s, Course& course) const {
+  course.displacement = std::max(course.displacement, sums.max_displacement);
+  if (!scene_.has<Grip>()) {
+    if (std::string problem = too_fast(sums, time_s, course); !problem.empty()) return problem;
+  }
+  const double rounding = 1e-6 * scene_.time.frame_s;
+  if (!closed_ || time_s < loads_end_s_ - rounding) return "";
+  const double apart = stored(now);
+  if (course.begun && before) course.work += work(*before, now);
+  const double energy = sums.total() + apart - course.work;
+  const double motion = sums.kinetic + sums.elastic + apart;
+  if (!course.begun) {
+    course.begun = true;
+    course.least = energy;
+    course.motion = motion;
+  }
+  course.least = std::min(course.least, energy);
+  course.motion = std::max(course.motion, motion);
+  const double rise = energy - course.least;
+  if (rise <= energy_share * course.motion + min_energy_) return "";
+  std::ostringstream text;
+  text << "a mechanical energy that rose by " << rise
+       << " J, though nothing in the scene gives any";
+  return text.str();
+}
+
+}  // namespace viscera::sim

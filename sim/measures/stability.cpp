@@ -1,0 +1,187 @@
+#include "sim/measures/stability.hpp"
+
+#include <algorithm>
+#include <iomanip>
+#include <limits>
+#include <sstream>
+#include <string>
+
+#include "sim/base/refusal.hpp"
+#include "sim/solvers/time_rule.hpp"
+#include "sim/solvers/xpbd/held_forces.hpp"
+
+namespace viscera::sim {
+namespace {
+
+struct Shape {
+  double altitude;  // m, the smallest
+  double spread;    // sum |g_i|^2, 1/m2
+};
+
+// Rows of B are the gradients of N_1 to N_3; the altitude over vertex i is 1/|grad N_i|.
+Shape shape_of(const Mat3<double>& rest_inverse) {
+  const Mat3<double> rows = transpose(rest_inverse);
+  const auto& [a, b, c] = rows.col;
+  const Vec3<double> gradients[4] = {-(a + b + c), a, b, c};
+  double steepest = 0.0, squares = 0.0;
+  for (const auto& g : gradients) {
+    steepest = std::max(steepest, norm(g));
+    squares += dot(g, g);
+  }
+  return {1.0 / steepest, squares};
+}
+
+double shear_number(const Model& model, std::size_t tet, double dt) {
+  const Material material = model.material(tet);
+  const double speed = std::sqrt(lame(material).mu / material.density);
+  return dt * speed / shape_of(model.rest_inverse[tet]).altitude;
+}
+
+// Of the position based effects only the Neo-Hookean block and Prony branches have a limit.
+bool is_limited(const Scene& scene, std::size_t tet) {
+  return scene.has<Prony>() ||
+         std::ranges::any_of(scene.params<NeoHookean>(),
+                             [tet](const auto& p) { return NeoHookean::acts_on(p, tet); });
+}
+
+// Of all elastic effects that are on together, Pa.
+double explicit_modulus(const Scene& scene, const Material& material) {
+  double sum = 0.0;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (requires { &Effect::explicit_modulus; }) {
+      for (const auto& params : std::get<i>(scene.effects)) {
+        sum += Effect::explicit_modulus(material, params);
+      }
+    }
+  });
+  return sum;
+}
+
+// Gives the tets above the limit of Cs to the corotational law.
+void switch_form(const Model& model, Scene& scene) {
+  auto& laws = scene.params<NeoHookean>();
+  if (laws.empty() || scene.has<Prony>()) return;
+  std::vector<char> taken = laws.front().taken;
+  taken.resize(model.tet_count(), 0);
+  const double dt = scene.time.substep_s();
+  for (std::size_t t = 0; t < taken.size(); ++t) {
+    if (shear_number(model, t, dt) > cs_limit) taken[t] = 1;
+  }
+  if (!std::ranges::count(taken, 1)) return;
+  auto& others = scene.params<Corotational>();
+  std::erase_if(others, [](const auto& law) { return !law.only.empty(); });
+  for (auto& law : laws) {
+    law.taken = taken;
+    others.push_back({{}, taken});
+  }
+}
+
+// Effects that move vertices as one, and know of no force of an element.
+bool acts_on_regions(const Scene& scene) {
+  return scene.has<ShapeMatching>();
+}
+
+// To what keeps the run stable, or refuses.
+void raise_substeps(Scene& scene, const Stability& now) {
+  const StabilityLimit& limit = now.limit;
+  if (limit.value <= limit.at_most || scene.stability == StabilityPolicy::warn) return;
+  const double needed = now.substeps_needed;
+  if (scene.stability == StabilityPolicy::refuse || needed > max_substeps) {
+    std::ostringstream found, at_most;
+    found << scene.time.substeps << ", which makes " << limit.name << ' ' << limit.value
+          << " at tet " << limit.tet;
+    at_most << std::setprecision(15) << needed << " substeps for " << limit.name << ' '
+            << limit.at_most << ", and at most " << max_substeps;
+    throw Refusal(Refusal::Cause::scene, "time.substeps", found.str(), at_most.str(),
+                  "raise time.substeps, soften the material, or mesh without slivers");
+  }
+  scene.time.substeps = static_cast<int>(needed);
+}
+
+void keep_accuracy(const Model& model, Scene& scene) {
+  const double limit = scene.accuracy_limit;
+  if (!(limit > 0.0) || scene.stability == StabilityPolicy::warn) return;
+  const SweepError error =
+      SweepError::of(model, acting_time(scene.time.substep_s(), scene.time.order));
+  if (error.bound <= limit) return;
+  const double hold_s = time_to_hold(model, scene, error.bound);
+  const double more = SweepError::more_substeps(error.number, limit);
+  const bool may_change = scene.stability != StabilityPolicy::refuse;
+  if (may_change && hold_s <= max_hold_s && !acts_on_regions(scene)) {
+    scene.force_hold_s = std::max({scene.force_hold_s, hold_s, scene.time.substep_s()});
+    return;
+  }
+  const double needed = std::ceil(scene.time.substeps * more);
+  if (may_change && more <= max_refinement) {
+    scene.time.substeps = static_cast<int>(needed);
+    return;
+  }
+  std::ostringstream found, allowed;
+  found << std::setprecision(3) << "an error at rest of up to " << 100.0 * error.bound
+        << " % by the solver alone";
+  allowed << std::setprecision(15) << needed << " substeps for " << 100.0 * limit << " %";
+  throw Refusal(Refusal::Cause::scene, "accuracy_limit", found.str(), allowed.str(),
+                may_change
+                    ? "raise time.substeps, give the tissue damping and the effect viscosity, "
+                      "so that its elements can hold their forces, or use solver fem"
+                    : "raise time.substeps, or use stability: substeps");
+}
+
+}  // namespace
+
+double squared_gradients(const Mat3<double>& rest_inverse) {
+  return shape_of(rest_inverse).spread;
+}
+
+Stability assess(const Model& model, const Scene& scene, const SolverOptions& options) {
+  const Method method = options.method;
+  Stability result;
+  StabilityLimit cs = {"Cs", 0.0, cs_limit, 0};
+  result.altitude_min = std::numeric_limits<double>::infinity();
+  const double dt = scene.time.substep_s();
+  const auto keep_largest = [](double value, std::size_t tet, double& largest, std::size_t& where) {
+    if (value > largest) largest = value, where = tet;
+  };
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    const Material material = model.material(t);
+    const Lame constants = lame(material);
+    const auto [h, spread] = shape_of(model.rest_inverse[t]);
+    const double shear = dt * std::sqrt(constants.mu / material.density);
+    const double sound = dt * std::sqrt((constants.lambda + 2.0 * constants.mu) / material.density);
+    result.altitude_min = std::min(result.altitude_min, h);
+    keep_largest(shear / h, t, result.cs_max, result.cs_tet);
+    if (is_limited(scene, t)) keep_largest(shear / h, t, cs.value, cs.tet);
+    keep_largest(sound / h, t, result.kappa_max, result.kappa_tet);
+    const double stiffest = std::sqrt(explicit_modulus(scene, material) / material.density);
+    keep_largest(dt * stiffest * std::sqrt(spread), t, result.courant_max, result.courant_tet);
+  }
+  result.limit = cs;
+  if (method == Method::fem) result.limit = {"none", 0.0, 1.0, 0};
+  if (method == Method::xpbd) {
+    const SweepError error = SweepError::of(model, acting_time(dt, order_of(scene, options)));
+    result.sweep_number = error.number;
+    result.sweep_error = scene.force_hold_s > 0.0 ? 0.0 : error.bound;
+  }
+  if (method == Method::tled) {
+    result.limit = {"Courant", result.courant_max, courant_limit, result.courant_tet};
+  }
+  if (scene.has<NeoHookean>()) {
+    result.switched = std::ranges::count(scene.params<NeoHookean>().front().taken, 1);
+  }
+  const double needed = scene.time.substeps * result.limit.value / result.limit.at_most;
+  result.substeps_needed = std::max(1.0, std::ceil(needed * (1.0 - 1e-12)));
+  return result;
+}
+
+Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& options) {
+  const bool is_xpbd = options.method == Method::xpbd;
+  scene.time.order = order_of(scene, options);
+  if (scene.stability == StabilityPolicy::form && is_xpbd) switch_form(model, scene);
+  raise_substeps(scene, assess(model, scene, options));
+  // Of the substeps that the run will have: how far off it rests, and how long forces must be held
+  // for that, is in proportion to their square.
+  if (is_xpbd) keep_accuracy(model, scene);
+  return assess(model, scene, options);
+}
+
+}  // namespace viscera::sim

@@ -1,0 +1,30 @@
+#include "sim/model/locking.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sim/model/surface.hpp"
+
+namespace viscera::sim {
+
+double locking_loss(double cell_over_thickness, double poisson_ratio) {
+  const double lambda_over_mu = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio);
+  const double x = cell_over_thickness * cell_over_thickness * (2.0 + 0.6 * lambda_over_mu);
+  return 1.0 - 1.0 / (1.0 + x / (1.0 + x / 7.0));
+}
+
+Locking assess_locking(const Model& model) {
+  Locking locking;
+  double volume = 0.0, surface = 0.0;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    volume += model.volume[t];
+    locking.poisson_ratio = std::max(locking.poisson_ratio, model.material(t).poisson_ratio);
+  }
+  for (const Triangle& face : boundary_faces(model)) surface += norm(area_vector(model, face));
+  locking.cell = std::cbrt(6.0 * volume / static_cast<double>(model.tet_count()));
+  locking.thickness = 4.0 * volume / surface;
+  locking.loss = locking_loss(locking.cell / locking.thickness, locking.poisson_ratio);
+  return locking;
+}
+
+}  // namespace viscera::sim

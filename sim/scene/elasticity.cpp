@@ -1,0 +1,64 @@
+#include "sim/scene/elasticity.hpp"
+
+#include <algorithm>
+
+namespace viscera::sim {
+namespace {
+
+// P V = dE/dH.
+Mat3<double> force_gradient(const Model& model, const Scene& scene, std::size_t tet,
+                            const Mat3<double>& h) {
+  constexpr double step = 1e-5;
+  Mat3<double> slope{};
+  for (int j = 0; j < 3; ++j) {
+    for (double Vec3<double>::*axis : {&Vec3<double>::x, &Vec3<double>::y, &Vec3<double>::z}) {
+      Mat3<double> ahead = h, behind = h;
+      ahead.col[j].*axis += step;
+      behind.col[j].*axis -= step;
+      const double rise =
+          elastic_energy(model, scene, tet, ahead) - elastic_energy(model, scene, tet, behind);
+      slope.col[j].*axis = rise / (2.0 * step);
+    }
+  }
+  return slope;
+}
+
+}  // namespace
+
+Mat3<double> gradient_of(const Model& model, const State& state, std::size_t tet) {
+  const auto& [a, b, c, d] = model.tets[tet];
+  const Vec3<double> u[4] = {state.u[a], state.u[b], state.u[c], state.u[d]};
+  return displacement_gradient(u, model.rest_inverse[tet]);
+}
+
+double elastic_energy(const Model& model, const Scene& scene, std::size_t tet,
+                      const Mat3<double>& h) {
+  double sum = 0.0;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (requires { &Effect::energy; }) {
+      for (const auto& params : std::get<i>(scene.effects)) {
+        sum += Effect::energy(model, tet, params, h);
+      }
+    }
+  });
+  return sum;
+}
+
+double von_mises_stress(const Model& model, const Scene& scene, const State& state,
+                        std::size_t tet) {
+  constexpr double min_volume = 0.05;
+  const Mat3<double> h = gradient_of(model, state, tet);
+  const double j = std::max(min_volume, 1.0 + NeoHookean::volume_strain(h));
+  const Mat3<double> p = force_gradient(model, scene, tet, h);
+  const Mat3<double> f{{h.col[0] + Vec3<double>{1, 0, 0}, h.col[1] + Vec3<double>{0, 1, 0},
+                        h.col[2] + Vec3<double>{0, 0, 1}}};
+  const Mat3<double> cauchy = p * transpose(f);  // times J V
+  const auto& [x, y, z] = cauchy.col;
+  const double mean = (x.x + y.y + z.z) / 3.0;
+  const double normal =
+      (x.x - mean) * (x.x - mean) + (y.y - mean) * (y.y - mean) + (z.z - mean) * (z.z - mean);
+  const double shear = x.y * x.y + x.z * x.z + y.x * y.x + y.z * y.z + z.x * z.x + z.y * z.y;
+  return std::sqrt(1.5 * (normal + shear)) / (j * model.volume[tet]);
+}
+
+}  // namespace viscera::sim

@@ -1,0 +1,24 @@
+// What the elastic effects of a scene make of one tet together: its energy and its stress.
+#pragma once
+
+#include "sim/model/model.hpp"
+#include "sim/model/state.hpp"
+#include "sim/scene/scene.hpp"
+
+namespace viscera::sim {
+
+// The gradient H of the displacement in a tet.
+Mat3<double> gradient_of(const Model& model, const State& state, std::size_t tet);
+
+// J. `h` is the gradient of displacement.
+double elastic_energy(const Model& model, const Scene& scene, std::size_t tet,
+                      const Mat3<double>& h);
+
+// Von Mises' equivalent of the Cauchy stress, Pa: sqrt(3/2 s:s) of the deviator s of
+// sigma = P F^T / J, with P = dPsi/dF of the energy above by central differences (to about 1e-9 of
+// the modulus). Viscosity, branches and beds have no energy here and are not in it. A tet that is
+// crushed below a twentieth of its volume, or inside out, counts as if it had that.
+double von_mises_stress(const Model& model, const Scene& scene, const State& state,
+                        std::size_t tet);
+
+}  // namespace viscera::sim

@@ -1,0 +1,43 @@
+#include "sim/scheme_choice.hpp"
+
+#include "sim/backend/cuda/cuda.hpp"
+#include "sim/solvers/xpbd/damping_choice.hpp"
+
+namespace viscera::sim {
+namespace {
+
+// Tets of the largest body that was run in blocks; a block that is too large for a device's shared
+// memory is refused, and that depends on the device.
+constexpr std::size_t max_in_blocks = 1'000'000;
+
+// Why blocks on a device would not do what the scene asks for; "": they would.
+std::string what_blocks_lack(const Model& model, const Scene& scene, SolverOptions options) {
+  options.scheme = Scheme::gauss_seidel;
+  const bool solves_damping = static_cast<bool>(damping_for(model, scene, options));
+  const int order = order_of(scene, options);
+  options.scheme = Scheme::block_gauss_seidel;
+  if (const std::string lacks = what_cuda_lacks(scene, options); !lacks.empty()) {
+    return "a device does not run " + lacks;
+  }
+  if (scene.accuracy_limit > 0.0) return "blocks on a device do not hold forces (accuracy_limit)";
+  if (solves_damping) return "blocks on a device do not solve for the damping of tissue this stiff";
+  if (order > order_of(scene, options) && !scene.has<Viscosity>()) {
+    return "without viscosity the rebound is that of the time step, which is of first order in "
+           "blocks";
+  }
+  if (model.tet_count() > max_in_blocks) return "so many tets were not run in blocks";
+  return "";
+}
+
+}  // namespace
+
+SchemeChoice choose_scheme(const Model& model, const Scene& scene, SolverOptions options,
+                           bool on_device) {
+  if (!on_device) return {Scheme::gauss_seidel, "its time step is of second order"};
+  if (std::string lack = what_blocks_lack(model, scene, options); !lack.empty()) {
+    return {Scheme::gauss_seidel, std::move(lack)};
+  }
+  return {Scheme::block_gauss_seidel, "a frame of it is one launch"};
+}
+
+}  // namespace viscera::sim

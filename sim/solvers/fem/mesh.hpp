@@ -1,0 +1,73 @@
+// The nodes of the finite elements: the model's vertices, and for quadratic tets one more in the
+// middle of every edge. Mass matrix: lumped as in the other solvers for linear tets, consistent for
+// quadratic ones (their lumped rows would be negative). SI units.
+#pragma once
+
+#include <Eigen/SparseCore>
+
+#include "sim/model/model.hpp"
+
+namespace viscera::sim {
+
+// One quadrature point of a tet of n nodes.
+template <int n>
+struct QuadraturePoint {
+  std::array<Vec3<double>, n> gradient;  // of the shape functions at rest, 1/m
+  double volume;                         // its share of the rest volume, m3
+};
+
+template <int n>
+struct FemTet {
+  static constexpr int point_count = n == 4 ? 1 : 4;  // exact for the products of the gradients
+  std::array<int, n> nodes;
+  std::array<QuadraturePoint<n>, point_count> points;
+};
+
+// Gradient of a displacement field. Differences to the first node, as the gradients sum to zero: a
+// rigid shift gives no strain.
+template <int n>
+Mat3<double> gradient_at(const std::array<int, n>& nodes, const QuadraturePoint<n>& point,
+                         const std::vector<Vec3<double>>& u) {
+  Mat3<double> h{};
+  for (int i = 1; i < n; ++i) {
+    const Vec3<double> edge = u[nodes[i]] - u[nodes[0]];
+    h.col[0] += point.gradient[i].x * edge;
+    h.col[1] += point.gradient[i].y * edge;
+    h.col[2] += point.gradient[i].z * edge;
+  }
+  return h;
+}
+
+struct FemMesh {
+  int order;                                   // 1 or 2
+  std::vector<Vec3<double>> rest;              // [nodes] m, the vertices first
+  std::vector<char> fixed;                     // [nodes]
+  std::vector<std::array<int, 2>> parents;     // [nodes - vertices] the ends of the edge
+  std::map<std::array<int, 2>, int> midsides;  // the node on each edge
+  std::vector<FemTet<4>> linear;               // [tets] if of order 1
+  std::vector<FemTet<10>> quadratic;           // [tets] if of order 2
+  Eigen::SparseMatrix<double> mass;            // [nodes x nodes] kg
+
+  FemMesh(const Model& model, int order);
+  std::size_t node_count() const { return rest.size(); }
+
+  template <int n>
+  const std::vector<FemTet<n>>& tets() const {
+    if constexpr (n == 4) {
+      return linear;
+    } else {
+      return quadratic;
+    }
+  }
+
+  // The model for effects to act on: it knows the midside nodes.
+  Model body(Model model) const;
+
+  // A field of the vertices on all nodes: midside nodes take the mean of their ends.
+  std::vector<Vec3<double>> on_nodes(std::vector<Vec3<double>> field) const;
+
+ private:
+  int midside(const Model& model, int a, int b);
+};
+
+}  // namespace viscera::sim

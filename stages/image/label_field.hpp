@@ -1,0 +1,35 @@
+// Smooth fields from masks, on the voxel grid: a Gaussian in mm, and the level whose interior has
+// the volume of the voxels. Lengths in mm, volumes in mm3; the field is trilinear between voxel
+// centres and lives in the voxel-mm frame (index times spacing).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "stages/image/label_image.hpp"
+
+namespace viscera {
+
+using Field = std::vector<float>;  // one value per voxel, in [0, 1]
+
+// 1 where the voxel holds `label` (any label when 0).
+std::vector<std::uint8_t> mask_of(const LabelImage& image, int label);
+
+// Gaussian of standard deviation `sigma` mm, cut off at 4 sigma; outside the volume there is 0.
+Field smooth(const Frame& frame, const std::vector<std::uint8_t>& mask, double sigma);
+
+// The sigma used where none is asked for: 0.8 of the largest spacing, which removes the staircase
+// and little else.
+double default_sigma(const Frame& frame);
+
+// Trilinear value at `p` (voxel-mm); 0 outside the grid.
+double sample(const Frame& frame, const Field& field, const std::array<double, 3>& p);
+
+// Volume of {field > level}, from 27 samples in every cell that the level cuts.
+double volume_above(const Frame& frame, const Field& field, double level);
+
+// The level in (0, 1) at which volume_above equals `volume` to about 1e-4 of it.
+double matched_level(const Frame& frame, const Field& field, double volume);
+
+}  // namespace viscera

@@ -1,0 +1,31 @@
+// mesh.vtu: points and tets, the cell array `label`, per-tet arrays, and the label names as field
+// data (`label_ids`, `label_names`).
+#pragma once
+
+#include <filesystem>
+
+#include "stages/mesh/tet_mesh.hpp"
+
+namespace viscera {
+
+// Throws Error(bad_input) naming the file and what is wrong: unreadable, no tets, other cell types,
+// indices out of range, coordinates that are not finite, no `label` array.
+TetMesh read_vtu(const std::filesystem::path& path);
+
+// A mesh made elsewhere, as it stands: tets may be turned or flat, points doubled or stray.
+struct ForeignMesh {
+  TetMesh mesh;
+  std::string labels_from;        // the array or group they were taken from; empty: one label, 1
+  std::size_t cells_skipped = 0;  // points, lines and surface cells
+};
+
+// As read_vtu, but cells of lower dimension are passed over and labels may stand under the names
+// that other programs give them (gmsh:physical, medit:ref, ...) or be missing.
+ForeignMesh read_foreign_vtu(const std::filesystem::path& path);
+
+// Deterministic bytes: the same mesh gives the same file.
+void write_vtu(const std::filesystem::path& path, const TetMesh& mesh);
+
+std::string vtk_version();
+
+}  // namespace viscera
