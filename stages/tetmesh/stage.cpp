@@ -16,8 +16,9 @@
 #include "stages/tetmesh/exchange/gmsh_session.hpp"
 #include "stages/tetmesh/exchange/import.hpp"
 #include "stages/tetmesh/gates.hpp"
-#include "stages/tetmesh/job.hpp"
 #include "stages/tetmesh/judge.hpp"
+#include "stages/tetmesh/mesher/mesh_job.hpp"
+#include "stages/tetmesh/read_request.hpp"
 #include "stages/tetmesh/watchdog.hpp"
 
 namespace viscera {
@@ -235,7 +236,7 @@ TimeGoal time_goal(const StageRun& run, const std::map<int, std::string>& names)
 }
 
 Made make_mesh(StageRun& run) {
-  MeshJob job(run);
+  MeshJob job(read_request(run));
   const TimeGoal time = time_goal(run, job.names());
   const double tets = expected_tets(run, job), memory = job.estimate_memory(tets);
   log::info("expecting about {:.0f} thousand tets and {:.0f} MB", tets / 1e3, memory / 1e6);

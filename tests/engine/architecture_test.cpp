@@ -114,6 +114,9 @@ const std::vector<Folder> folders = {
     {"stages/tetmesh/improve",
      {"pipeline/base", "sim/base", "stages/mesh", "stages/tetmesh/generate",
       "stages/tetmesh/quality"}},
+    {"stages/tetmesh/mesher",
+     {"pipeline/base", "stages/image", "stages/mesh", "stages/tetmesh/generate",
+      "stages/tetmesh/improve", "stages/tetmesh/quality", "stages/tetmesh/exchange"}},
     {"stages/program", {"pipeline/base", "pipeline/contract"}},
     {"stages/labels", {"pipeline/base", "pipeline/contract", "stages/program", "stages/image"}},
     {"stages/surface",
@@ -193,7 +196,7 @@ TEST(Architecture, TheRulesNoticeAnArrowThatPointsTheWrongWay) {
       refused("pipeline/engine/plan/key.cpp", "#include \"pipeline/engine/run/runner.hpp\""));
   EXPECT_FALSE(
       refused("pipeline/engine/run/runner.cpp", "#include \"pipeline/engine/plan/key.hpp\""));
-  EXPECT_TRUE(refused("stages/tetmesh/generate/mesh.hpp", "#include \"stages/tetmesh/job.hpp\""));
+  EXPECT_TRUE(refused("stages/tetmesh/generate/mesh.hpp", "#include \"stages/tetmesh/judge.hpp\""));
   EXPECT_TRUE(refused("sim/effects/load.hpp", "#include \"sim/effects/laws/linear.hpp\""));
   EXPECT_TRUE(refused("sim/solvers/options.hpp", "#include \"sim/backend/cpu/cpu.hpp\""));
   EXPECT_TRUE(refused("sim/model/model.cpp", "#include \"sim/effects/effect.hpp\""));

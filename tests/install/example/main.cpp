@@ -5,18 +5,15 @@
 #include "sim/make.hpp"
 #include "sim/measures/forces.hpp"
 #include "stages/image/image_io.hpp"
-#include "stages/tetmesh/generate/mesh.hpp"
-#include "stages/tetmesh/improve/improve.hpp"
+#include "stages/tetmesh/mesher/mesh_job.hpp"
 
 int main(int, char** arguments) {
   using namespace viscera;
-  // Labels to tets: 12 mm large, with facets up to 1.2 mm from the surface of the labels.
-  const LabelImage labels = read_image(arguments[1]).image;
-  const MaterialFields fields(labels, default_sigma(labels.frame));
-  const Sizing sizing{.cell_size = 12.0, .facet_size = 12.0, .facet_distance = 1.2};
-  TetMesh mesh = mesh_fields(fields, seed_interfaces(fields, Interfaces(labels), sizing),
-                             seed_interior(fields, 1.25 * sizing.cell_size), sizing, {});
-  improve(mesh, {});
+  // Labels to tets, 12 mm large.
+  MeshRequest request;
+  request.labels = read_image(arguments[1]).image;
+  const MeshJob job(std::move(request));
+  const TetMesh mesh = job.mesh(12.0).mesh;
 
   // The body, in metres, of one material.
   std::vector<sim::Vec3<double>> points;
@@ -24,7 +21,7 @@ int main(int, char** arguments) {
   const sim::Material liver{
       .youngs_modulus = 5e3, .poisson_ratio = 0.45, .density = 1060.0, .damping = 0.05};
   std::map<int, sim::Material> materials;
-  for (const int label : fields.ids()) materials[label] = liver;
+  for (const auto& [label, name] : job.names()) materials[label] = liver;
   const sim::Model body = sim::make_model(points, mesh.tets, mesh.labels, materials);
 
   // The effects that the scene calls for, and no others.

@@ -1,4 +1,4 @@
-#include "stages/tetmesh/job.hpp"
+#include "stages/tetmesh/mesher/mesh_job.hpp"
 
 #include <fmt/format.h>
 
@@ -8,9 +8,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
-#include "stages/image/image_io.hpp"
 #include "stages/image/label_components.hpp"
-#include "stages/mesh/surface_io.hpp"
 #include "stages/tetmesh/exchange/hxt.hpp"
 #include "stages/tetmesh/generate/nesting.hpp"
 #include "stages/tetmesh/generate/order.hpp"
@@ -59,43 +57,42 @@ std::optional<SurfaceMesh> body_of(const SurfaceMesh& all) {
   return std::nullopt;
 }
 
-MeshJob::MeshJob(const StageRun& run) {
-  const auto route = run.param<std::string>("route");
-  const bool labels = run.has_input("labels"), surface = run.has_input("surface");
+MeshJob::MeshJob(MeshRequest request)
+    : factors_{.facet_size = request.facet_size,
+               .facet_distance = request.facet_distance,
+               .facet_angle = request.facet_angle,
+               .radius_edge = request.radius_edge} {
+  const bool labels = request.labels.has_value(), surface = request.surface.has_value();
+  using Route = MeshRequest::Route;
   if (!labels && !surface)
     throw bad_route("neither labels nor surface given",
                     "add --in labels=FILE or --in surface=FILE");
-  by_fields_ = route == "fields" || (route == "auto" && labels);
+  by_fields_ = request.route == Route::fields || (request.route == Route::automatic && labels);
   if (by_fields_ && !labels) throw bad_route("fields, without labels", "add --in labels=FILE");
   if (!by_fields_ && !surface) throw bad_route("surface, without one", "add --in surface=FILE");
-  factors_ = {.facet_size = run.param<double>("facet_size"),
-              .facet_distance = run.param<double>("facet_distance"),
-              .facet_angle = run.param<double>("facet_angle"),
-              .radius_edge = run.param<double>("radius_edge")};
-  lattice_ = run.param<double>("lattice");
-  const auto improver = run.param<std::string>("improve");
-  improve_ = improver == "own" || improver == "auto";
-  hxt_ = run.param<std::string>("mesher") == "hxt";
-  if (hxt_ && improver == "cgal") {
+  lattice_ = request.lattice;
+  const bool by_cgal = request.improver == MeshRequest::Improver::cgal;
+  improve_ = request.improver == MeshRequest::Improver::own;
+  hxt_ = request.mesher == MeshRequest::Mesher::hxt;
+  if (hxt_ && by_cgal) {
     throw Error(ExitCode::bad_config, {.where = "parameters",
                                        .field = "improve",
                                        .found = "cgal, for tets that Mesh_3 did not make",
                                        .allowed = "own or none with mesher: hxt"});
   }
-  options_ = {.perturb_and_exude = improver == "cgal",
-              .sliver_angle = run.param<double>("sliver_angle")};
-  if (labels) take_labels(run);
-  if (!by_fields_) take_surface(run);
-  take_sizes(run);
+  options_ = {.perturb_and_exude = by_cgal, .sliver_angle = request.sliver_angle};
+  if (labels) take_labels(request);
+  if (!by_fields_) take_surface(request);
+  take_sizes(request);
 }
 
-void MeshJob::take_labels(const StageRun& run) {
-  image_ = read_image(run.input("labels")).image;
+void MeshJob::take_labels(MeshRequest& request) {
+  image_ = std::move(request.labels);
   const Frame& frame = image_->frame;
   for (const auto id : image_->voxels)
     if (id != 0) label_volumes_[id] += frame.voxel_volume();
   if (label_volumes_.empty() || std::min({frame.size[0], frame.size[1], frame.size[2]}) < 5) {
-    throw Error(ExitCode::bad_input, {.where = run.input("labels").string(),
+    throw Error(ExitCode::bad_input, {.where = request.labels_file,
                                       .field = "voxels",
                                       .found = "no label, or fewer than five voxels on an axis",
                                       .allowed = "a body with background around it",
@@ -115,23 +112,19 @@ void MeshJob::take_labels(const StageRun& run) {
                                 [](const auto& c) { return c.label != 0 && c.on_border; });
   if (open) {
     throw Error(ExitCode::bad_input,
-                {.where = run.input("labels").string(),
+                {.where = request.labels_file,
                  .field = "voxels",
                  .found = "a label touches the border of the volume",
                  .allowed = "background all around",
                  .remedy = "pass the volume through viscera-labels, which pads"});
   }
   interfaces_.emplace(*image_);
-  fields_.emplace(*image_,
-                  run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(frame));
+  fields_.emplace(*image_, request.sigma.value_or(default_sigma(frame)));
 }
 
-void MeshJob::take_sizes(const StageRun& run) {
-  const Json& given = run.params().at("sizes");
-  sizes_ = {.at_interfaces = run.param<double>("interface_size"),
-            .grading = run.param<double>("grading")};
-  const Param size = quantity("sizes", nullptr, "mm", 0.05, 500.0, "cell size of a label");
-  for (const auto& [name, value] : given.items()) {
+void MeshJob::take_sizes(const MeshRequest& request) {
+  sizes_ = {.at_interfaces = request.interface_size, .grading = request.grading};
+  for (const auto& [name, size] : request.sizes) {
     const auto label = std::find_if(names_.begin(), names_.end(), [&key = name](const auto& entry) {
       return entry.second == key;
     });
@@ -143,8 +136,7 @@ void MeshJob::take_sizes(const StageRun& run) {
                                          .found = "no label of that name",
                                          .remedy = suggest(name, known)});
     }
-    sizes_.label_sizes[label->first] =
-        resolve_required(size, value, "parameters", "sizes." + name).get<double>();
+    sizes_.label_sizes[label->first] = size;
   }
   if (!by_fields_ && !sizes_.uniform()) {
     throw bad_route("surface, with sizes or interface_size",
@@ -152,9 +144,9 @@ void MeshJob::take_sizes(const StageRun& run) {
   }
 }
 
-void MeshJob::take_surface(const StageRun& run) {
-  const std::string file = run.input("surface").string();
-  const SurfaceMesh surface = body_surface(read_vtp(run.input("surface")), file);
+void MeshJob::take_surface(const MeshRequest& request) {
+  const std::string& file = request.surface_file;
+  const SurfaceMesh surface = body_surface(*request.surface, file);
   surface_.emplace(surface, file);
   surface_projector_ = surface_projector(surface);
   check_nesting(surface, file);

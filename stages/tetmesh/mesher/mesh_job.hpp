@@ -2,12 +2,12 @@
 // tets is found.
 #pragma once
 
-#include <filesystem>
-#include <memory>
+#include <map>
 #include <optional>
+#include <string>
 
+#include "stages/image/label_image.hpp"
 #include "stages/mesh/tet_topology.hpp"
-#include "stages/program/stage_main.hpp"
 #include "stages/tetmesh/generate/mesh.hpp"
 #include "stages/tetmesh/generate/size_field.hpp"
 #include "stages/tetmesh/improve/improve.hpp"
@@ -19,10 +19,34 @@ namespace viscera {
 // labels stand alone.
 std::optional<SurfaceMesh> body_of(const SurfaceMesh& all);
 
+// What is to be meshed, and how. The defaults are those of viscera-tetmesh.
+struct MeshRequest {
+  enum class Route { automatic, fields, surface };  // automatic: fields where labels are given
+  enum class Improver { own, cgal, none };
+  enum class Mesher { cgal, hxt };
+
+  std::optional<LabelImage> labels;
+  std::optional<SurfaceMesh> surface;
+  std::string labels_file = "labels", surface_file = "surface";  // what errors call them
+  Route route = Route::automatic;
+  Mesher mesher = Mesher::cgal;
+  Improver improver = Improver::own;
+  // Facet size and distance, and the constant of the lattice that fills the inside (0: none), are
+  // multiples of the cell size; the angle is in degrees.
+  double facet_size = 1.0, facet_distance = 0.1, facet_angle = 25.0, radius_edge = 3.0;
+  double lattice = 1.25;
+  double sliver_angle = 10.0;           // degrees, below which Improver::cgal works on a tet
+  std::optional<double> sigma;          // mm, of the Gaussian on the labels; none: default_sigma
+  std::map<std::string, double> sizes;  // mm, cell sizes of labels that have their own
+  double interface_size = 1.0;          // between labels, as a multiple of the cell size
+  double grading = 0.3;                 // mm that the size may grow in a mm
+};
+
 class MeshJob {
  public:
-  // Reads the inputs and settles the route; throws Error(bad_config) where they do not fit.
-  explicit MeshJob(const StageRun& run);
+  // Settles the route; throws Error(bad_config) where inputs and parameters do not fit, and
+  // Error(bad_input) for labels or a surface that cannot be meshed.
+  explicit MeshJob(MeshRequest request);
 
   bool by_fields() const { return by_fields_; }
   double body_volume() const { return body_volume_; }  // mm3, of voxels or surface
@@ -66,9 +90,9 @@ class MeshJob {
   double estimate_memory(double tets) const;
 
  private:
-  void take_labels(const StageRun& run);
-  void take_surface(const StageRun& run);
-  void take_sizes(const StageRun& run);
+  void take_labels(MeshRequest& request);
+  void take_surface(const MeshRequest& request);
+  void take_sizes(const MeshRequest& request);
 
   Result build(double cell_size, const Mesh3Options& mesh3, const ImproveOptions& options) const;
   std::optional<Thinning> thinning(double cell_size) const;

@@ -1,0 +1,58 @@
+#include "stages/tetmesh/read_request.hpp"
+
+#include "stages/image/image_io.hpp"
+#include "stages/mesh/surface_io.hpp"
+
+namespace viscera {
+namespace {
+
+template <class Choice>
+Choice choice(const StageRun& run, const char* param,
+              const std::map<std::string, Choice>& choices) {
+  return choices.at(run.param<std::string>(param));
+}
+
+}  // namespace
+
+MeshRequest read_request(const StageRun& run) {
+  using Request = MeshRequest;
+  Request request;
+  request.route = choice<Request::Route>(run, "route",
+                                         {{"auto", Request::Route::automatic},
+                                          {"fields", Request::Route::fields},
+                                          {"surface", Request::Route::surface}});
+  request.mesher = choice<Request::Mesher>(
+      run, "mesher", {{"cgal", Request::Mesher::cgal}, {"hxt", Request::Mesher::hxt}});
+  request.improver = choice<Request::Improver>(run, "improve",
+                                               {{"auto", Request::Improver::own},
+                                                {"own", Request::Improver::own},
+                                                {"cgal", Request::Improver::cgal},
+                                                {"none", Request::Improver::none}});
+  request.facet_size = run.param<double>("facet_size");
+  request.facet_distance = run.param<double>("facet_distance");
+  request.facet_angle = run.param<double>("facet_angle");
+  request.radius_edge = run.param<double>("radius_edge");
+  request.lattice = run.param<double>("lattice");
+  request.sliver_angle = run.param<double>("sliver_angle");
+  if (run.has_param("sigma")) request.sigma = run.param<double>("sigma");
+  request.interface_size = run.param<double>("interface_size");
+  request.grading = run.param<double>("grading");
+  const Param size = quantity("sizes", nullptr, "mm", 0.05, 500.0, "cell size of a label");
+  for (const auto& [name, value] : run.params().at("sizes").items()) {
+    request.sizes[name] =
+        resolve_required(size, value, "parameters", "sizes." + name).get<double>();
+  }
+  if (run.has_input("labels")) {
+    request.labels = read_image(run.input("labels")).image;
+    request.labels_file = run.input("labels").string();
+  }
+  // Beside labels a surface is only measured against, unless the route asks for it.
+  const bool by_surface = request.route == Request::Route::surface || !request.labels;
+  if (by_surface && run.has_input("surface")) {
+    request.surface = read_vtp(run.input("surface"));
+    request.surface_file = run.input("surface").string();
+  }
+  return request;
+}
+
+}  // namespace viscera

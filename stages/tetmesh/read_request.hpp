@@ -1,0 +1,12 @@
+// What a run of viscera-tetmesh asks of the mesher.
+#pragma once
+
+#include "stages/program/stage_main.hpp"
+#include "stages/tetmesh/mesher/mesh_job.hpp"
+
+namespace viscera {
+
+// Reads the labels and, where the route needs it, the surface. Throws Error.
+MeshRequest read_request(const StageRun& run);
+
+}  // namespace viscera
