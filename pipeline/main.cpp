@@ -15,6 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace viscera;
+using namespace viscera::engine;
 
 void add_folders(CLI::App& command, fs::path& out, fs::path& cache) {
   command.add_option("--out", out, "the run SPEC.yaml writes OUT/SPEC")

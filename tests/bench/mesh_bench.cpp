@@ -20,6 +20,7 @@
 namespace {
 
 using namespace viscera;
+using namespace viscera::engine;
 namespace fs = std::filesystem;
 
 struct Method {

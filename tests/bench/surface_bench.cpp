@@ -19,6 +19,7 @@
 namespace {
 
 using namespace viscera;
+using namespace viscera::engine;
 namespace fs = std::filesystem;
 
 struct Row {

@@ -12,7 +12,7 @@
 
 #include "pipeline/base/atomic_file.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 namespace fs = std::filesystem;
@@ -273,4 +273,4 @@ TEST(Architecture, OnlyTheBackendHoldsCuda) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -8,7 +8,7 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 namespace fs = std::filesystem;
@@ -57,4 +57,4 @@ TEST_F(StageExecutable, ThatMayNotBeExecutedIsNoUnknownStage) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <thread>
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 // 0 would mean all of them for each.
@@ -25,4 +25,4 @@ TEST(Devices, WhatIsAskedForIsNotSharedAndOneStageHasAllCores) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

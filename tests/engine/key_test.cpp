@@ -9,7 +9,7 @@
 #include "pipeline/engine/plan/explain.hpp"
 #include "pipeline/engine/store/digest_cache.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 namespace fs = std::filesystem;
@@ -177,4 +177,4 @@ TEST_F(Digests, AHeaderBringsItsDataFileAndThePlaceDoesNotCount) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -6,7 +6,7 @@
 
 #include "pipeline/base/atomic_file.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 namespace fs = std::filesystem;
@@ -50,4 +50,4 @@ TEST(LiveRuns, ARunWithoutAStandardInputLivesToo) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -7,7 +7,7 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/engine/programs/process.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 namespace fs = std::filesystem;
@@ -84,4 +84,4 @@ TEST_F(Packages, ListsThatAreOutOfDateAreFetchedAndTheInstallTriedAgain) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

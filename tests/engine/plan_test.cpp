@@ -8,7 +8,7 @@
 #include "pipeline/engine/run/inspect.hpp"
 #include "pipeline/engine/run/run_folders.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 namespace fs = std::filesystem;
@@ -125,4 +125,4 @@ TEST(Origin, OfParamsThoseThatWereLeftUnsetAreNotListed) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

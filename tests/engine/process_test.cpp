@@ -8,7 +8,7 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/engine/store/file_lock.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 struct Heard {
@@ -66,4 +66,4 @@ TEST(FileLock, OfAKilledHolderIsFree) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

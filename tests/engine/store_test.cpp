@@ -6,7 +6,7 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/digest.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 // What find() says of an entry whose one output has this name and this digest.
@@ -42,4 +42,4 @@ TEST(Store, AnEntryIsServedOnlyWhereItsOutputsStayInTheirFolders) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

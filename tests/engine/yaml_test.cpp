@@ -7,7 +7,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/yaml_file.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 class Yaml : public testing::Test {
@@ -90,4 +90,4 @@ TEST(YamlFile, AFolderOrAbsentFileIsNamed) {
 }
 
 }  // namespace
-}  // namespace viscera
+}  // namespace viscera::engine

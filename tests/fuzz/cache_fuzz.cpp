@@ -13,6 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace viscera;
+using namespace viscera::engine;
 
 constexpr const char* content = "an output";  // the one object that the store has
 

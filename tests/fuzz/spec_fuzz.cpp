@@ -14,7 +14,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(bytes), static_cast<std::streamsize>(size));
   try {
-    load_spec({.path = path});
+    engine::load_spec({.path = path});
   } catch (const Error&) {  // refused, as it should be
   }
   return 0;

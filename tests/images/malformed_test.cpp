@@ -34,7 +34,7 @@ TEST_P(MalformedImages, AreRefusedByFileAndFieldWithinBoundsAndLeaveNothing) {
     ++seen;
     SCOPED_TRACE(bad.name);
     std::string errors;
-    const auto end = run_process(
+    const auto end = engine::run_process(
         {"/usr/bin/env", "TMPDIR=" + temporary.string(), "/bin/sh", "-c",
          "ulimit -d 262144 && ulimit -t 5 && exec \"$@\"", "sh", VISCERA_BIN "/viscera-labels",
          "--in", "volume=" + (corpus / bad.name).string(), "--out",

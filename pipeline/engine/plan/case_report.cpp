@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 Json stage_report(const PlannedStage& stage, const std::optional<Entry>& entry,
@@ -85,4 +85,4 @@ std::string case_report(const Spec& spec, const Plan& plan, const Entries& entri
   return report.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

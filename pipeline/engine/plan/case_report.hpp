@@ -15,11 +15,11 @@
 #include "pipeline/engine/plan/feed.hpp"
 #include "pipeline/engine/store/run_record.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 using Failures = std::vector<std::optional<RunRecord::Failure>>;  // by stage of the plan
 
 std::string case_report(const Spec& spec, const Plan& plan, const Entries& entries,
                         const Failures& failures);
 
-}  // namespace viscera
+}  // namespace viscera::engine

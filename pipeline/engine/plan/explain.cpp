@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <charconv>
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 const KeyComponent* find(const std::vector<KeyComponent>& components, const KeyComponent& like) {
@@ -87,4 +87,4 @@ std::string explain(const std::string& before, const std::string& after,
   return text;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-namespace viscera {
+namespace viscera::engine {
 
 struct KeyComponent {
   std::string type, name, value;
@@ -18,4 +18,4 @@ std::vector<KeyComponent> read_transcript(const std::string& text);
 std::string explain(const std::string& before, const std::string& after,
                     const std::vector<std::string>& produced_roles);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 
 bool produced(const PlannedInput& input, const std::optional<Entry>& producer) {
@@ -85,4 +85,4 @@ std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const 
   return all;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

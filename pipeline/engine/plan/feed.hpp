@@ -10,7 +10,7 @@
 #include "pipeline/engine/plan/graph.hpp"
 #include "pipeline/engine/store/store.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 // Of each stage of a plan: what it made; none yet, or none at all.
 using Entries = std::vector<std::optional<Entry>>;
@@ -33,4 +33,4 @@ std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const 
                                          const std::filesystem::path& out,
                                          const WorkFolders& folders, unsigned threads);
 
-}  // namespace viscera
+}  // namespace viscera::engine

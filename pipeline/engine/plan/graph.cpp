@@ -9,7 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/engine/store/run_record.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 // A stage of the spec with its declaration, before the order is known.
@@ -320,4 +320,4 @@ std::vector<bool> needing(const Plan& plan, const std::string& stage, const std:
   return flags;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -12,7 +12,7 @@
 #include "pipeline/engine/programs/catalog.hpp"
 #include "pipeline/engine/spec/spec.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 struct PlannedInput {
   InputRole role;
@@ -65,4 +65,4 @@ std::vector<bool> needing(const Plan& plan, const std::string& stage, const std:
 // The stages called so, of any case.
 std::vector<bool> called(const Plan& plan, const std::string& stage, const std::string& option);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -4,7 +4,7 @@
 
 #include <map>
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -88,4 +88,4 @@ std::string graph_text(const std::string& format, const Spec& spec, const Plan& 
   return format == "json" ? json(spec, plan, found, out) : mermaid(plan, found);
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

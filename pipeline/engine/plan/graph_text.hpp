@@ -10,10 +10,10 @@
 
 #include "pipeline/engine/plan/survey.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 // `format`: mermaid, dot or json.
 std::string graph_text(const std::string& format, const Spec& spec, const Plan& plan,
                        const Survey& found, const std::filesystem::path& out);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -4,7 +4,7 @@
 
 #include <cstdlib>
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 constexpr std::string_view environment_prefix = "env:";
@@ -119,4 +119,4 @@ KeyTranscript own_settings(const PlannedStage& stage, DigestCache& digests) {
   return own.transcript;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -20,7 +20,7 @@
 #include "pipeline/engine/plan/graph.hpp"
 #include "pipeline/engine/store/store.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 struct StageKey {
   KeyTranscript transcript;
@@ -36,4 +36,4 @@ StageKey key_of(const PlannedStage& stage, const std::vector<std::optional<Entry
 // make, and without what stands for the machine, which may be another when the stage runs.
 KeyTranscript own_settings(const PlannedStage& stage, DigestCache& digests);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -6,7 +6,7 @@
 #include "pipeline/engine/plan/explain.hpp"
 #include "pipeline/engine/plan/key.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 
 std::string reason_to_run(const PlannedStage& stage, const RunRecord& record,
@@ -65,4 +65,4 @@ Survey survey(const Spec& spec, Plan& plan, Store& store, const fs::path& out,
   return found;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

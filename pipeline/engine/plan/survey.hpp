@@ -5,7 +5,7 @@
 #include "pipeline/engine/plan/feed.hpp"
 #include "pipeline/engine/store/run_record.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 enum class Prospect {
   cached,   // its result is in the cache
@@ -35,4 +35,4 @@ Survey survey(const Spec& spec, Plan& plan, Store& store, const std::filesystem:
 std::string reason_to_run(const PlannedStage& stage, const RunRecord& record,
                           const std::string& transcript, const std::string& damage);
 
-}  // namespace viscera
+}  // namespace viscera::engine

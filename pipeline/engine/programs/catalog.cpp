@@ -11,7 +11,7 @@
 #include "pipeline/base/json_value.hpp"
 #include "pipeline/engine/programs/process.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -113,4 +113,4 @@ StageInfo Catalog::describe(const std::string& stage, const fs::path& executable
   return info;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

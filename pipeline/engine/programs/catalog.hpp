@@ -11,7 +11,7 @@
 #include "pipeline/contract/manifest.hpp"
 #include "pipeline/engine/store/store.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 struct StageProgramFile {
   StageInfo info;
@@ -43,4 +43,4 @@ class Catalog {
   std::chrono::milliseconds patience_;
 };
 
-}  // namespace viscera
+}  // namespace viscera::engine

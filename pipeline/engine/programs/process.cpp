@@ -19,7 +19,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 constexpr std::size_t max_output = 4 << 20;
@@ -245,4 +245,4 @@ ProcessEnd run_process(const std::vector<std::string>& arguments, const LineRead
   return process.end();
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

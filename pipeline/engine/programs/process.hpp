@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-namespace viscera {
+namespace viscera::engine {
 
 struct ProcessEnd {
   int exit_code = 0;   // meaningful when signal is 0
@@ -66,4 +66,4 @@ void listen_to(const std::vector<Process*>& processes, std::chrono::milliseconds
 ProcessEnd run_process(const std::vector<std::string>& arguments, const LineReader& on_line,
                        std::chrono::milliseconds at_most = std::chrono::hours(24));
 
-}  // namespace viscera
+}  // namespace viscera::engine

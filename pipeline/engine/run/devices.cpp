@@ -8,7 +8,7 @@
 #include <sstream>
 #include <thread>
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 // Those that somebody (a batch system) has given us, else all that the driver has.
@@ -50,4 +50,4 @@ unsigned Devices::threads_each(std::size_t jobs, unsigned asked) {
   return std::max(1u, std::thread::hardware_concurrency() / static_cast<unsigned>(jobs));
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace viscera {
+namespace viscera::engine {
 
 class Devices {
  public:
@@ -28,4 +28,4 @@ class Devices {
   bool unlimited_ = false;
 };
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -9,7 +9,7 @@
 #include "pipeline/engine/plan/graph_text.hpp"
 #include "pipeline/engine/run/status.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 // A spec with its plan and what a run of it would do.
@@ -103,4 +103,4 @@ void print_graph(const InspectOptions& options) {
             << std::flush;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

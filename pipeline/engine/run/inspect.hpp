@@ -3,7 +3,7 @@
 
 #include "pipeline/engine/run/runner.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 struct InspectOptions {
   SpecRequest spec;
@@ -22,4 +22,4 @@ void print_graph(const InspectOptions& options);
 // the files that no stage made. Throws Error(usage) for a file of no run.
 void print_origin(const std::filesystem::path& file);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -10,7 +10,7 @@
 #include "pipeline/contract/manifest.hpp"
 #include "pipeline/engine/run/inspect.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -95,4 +95,4 @@ void print_origin(const fs::path& file) {
   std::cout << std::flush;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -3,7 +3,7 @@
 #include "pipeline/base/digest.hpp"
 #include "pipeline/base/error.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -103,4 +103,4 @@ double RunFolders::seconds_left(const std::vector<bool>& settled) const {
   return left;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -8,7 +8,7 @@
 #include "pipeline/engine/plan/feed.hpp"
 #include "pipeline/engine/store/run_record.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 class RunFolders {
  public:
@@ -49,4 +49,4 @@ class RunFolders {
   std::optional<RunRecord> read_record_;
 };
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -20,7 +20,7 @@
 #include "pipeline/engine/run/stage_job.hpp"
 #include "pipeline/engine/run/status.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -402,4 +402,4 @@ ExitCode run_spec(const RunOptions& options) {
   return refused == ExitCode::ok ? worst : refused;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -11,7 +11,7 @@
 #include "pipeline/base/exit_code.hpp"
 #include "pipeline/engine/spec/spec.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 // Where a run's files are: what every command that reads a spec is told.
 struct Places {
@@ -41,4 +41,4 @@ struct RunOptions {
 // has already said why. When the run keeps going it returns the first failure's code.
 ExitCode run_spec(const RunOptions& options);
 
-}  // namespace viscera
+}  // namespace viscera::engine

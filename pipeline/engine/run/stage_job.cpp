@@ -7,7 +7,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/engine/run/status.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 StageJob::~StageJob() {
   process_.reset();
@@ -65,4 +65,4 @@ ExitCode StageJob::result() const {
              "this is a defect of the stage");
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

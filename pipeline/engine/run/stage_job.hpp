@@ -9,7 +9,7 @@
 #include "pipeline/engine/programs/process.hpp"
 #include "pipeline/engine/store/file_lock.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 class StageJob {
  public:
@@ -50,4 +50,4 @@ class StageJob {
   std::unique_ptr<Process> process_;
 };
 
-}  // namespace viscera
+}  // namespace viscera::engine

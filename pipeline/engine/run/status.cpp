@@ -9,7 +9,7 @@
 #include "pipeline/base/json_value.hpp"
 #include "pipeline/base/log.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 std::string without_controls(std::string_view text) {
@@ -104,4 +104,4 @@ void show_event(const Json& event) {
   std::fwrite(line.data(), 1, line.size(), stderr);
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

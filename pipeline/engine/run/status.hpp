@@ -8,7 +8,7 @@
 
 #include "pipeline/contract/manifest.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 // Shows one line that a stage wrote to stderr under the stage's name: a JSON line as message or
 // progress bar, anything else as it is but for control characters. The text of an error; else
@@ -37,4 +37,4 @@ std::string duration_text(double seconds);
 // For programs (--progress jsonl): what happens, as one line of JSON on stderr.
 void show_event(const Json& event);
 
-}  // namespace viscera
+}  // namespace viscera::engine

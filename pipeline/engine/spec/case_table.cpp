@@ -5,7 +5,7 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -141,4 +141,4 @@ std::vector<Case> read_case_table(const fs::path& path) {
   return cases;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -9,11 +9,11 @@
 
 #include "pipeline/engine/spec/cases.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 inline constexpr std::uintmax_t max_table_bytes = 16 << 20;
 
 // Throws Error(bad_config) with file:line:column for a table that cannot be read as one.
 std::vector<Case> read_case_table(const std::filesystem::path& path);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -9,7 +9,7 @@
 #include "pipeline/base/yaml_file.hpp"
 #include "pipeline/engine/spec/case_table.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -186,4 +186,4 @@ std::vector<Case> read_cases(const SpecFile& cases, const SpecFile& sweep) {
   return CaseReader(cases.path, sweep.path).read(cases.root["cases"], sweep.root["sweep"]);
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -21,7 +21,7 @@
 
 #include "pipeline/engine/spec/spec_file.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 inline constexpr std::size_t max_cases = 10000;
 inline constexpr std::size_t max_case_name = 200;  // bytes: it names a folder
@@ -45,4 +45,4 @@ struct Case {
 // twice or look like a formula to a spreadsheet, and more than max_cases.
 std::vector<Case> read_cases(const SpecFile& cases, const SpecFile& sweep);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -10,7 +10,7 @@
 #include "pipeline/engine/spec/stage_section.hpp"
 #include "pipeline/engine/spec/variables.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -192,4 +192,4 @@ Spec load_spec(const SpecRequest& request) {
   return SpecReader(request.path).read(request);
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

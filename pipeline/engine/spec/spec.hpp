@@ -24,7 +24,7 @@
 #include "pipeline/base/exit_code.hpp"
 #include "pipeline/base/param.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 struct SpecParam {
   std::string name;
@@ -80,4 +80,4 @@ struct SpecRequest {
 // Error(usage) for a case that there is not.
 Spec load_spec(const SpecRequest& request);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -6,7 +6,7 @@
 
 #include "pipeline/base/yaml_file.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -117,4 +117,4 @@ bool is_beside(const fs::path& path, const std::string& name) {
   return !relative.empty() && *relative.begin() != "..";
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -16,7 +16,7 @@
 
 #include "pipeline/base/error.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 inline constexpr std::size_t max_spec_files = 32;
 
@@ -41,4 +41,4 @@ void expect_map(const std::filesystem::path& path, const YAML::Node& node, const
 // links followed: a spec that somebody sends reads nothing else unless it is said with --set.
 bool is_beside(const std::filesystem::path& path, const std::string& name);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -4,7 +4,7 @@
 
 #include "pipeline/base/yaml_file.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -116,4 +116,4 @@ Json read_value(const fs::path& path, const YAML::Node& node, const std::string&
   return node.Tag() == "!" && !variable ? Json(text) : value_from_text(text);
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

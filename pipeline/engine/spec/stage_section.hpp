@@ -7,7 +7,7 @@
 #include "pipeline/engine/spec/spec_file.hpp"
 #include "pipeline/engine/spec/variables.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 // In the order written. Throws Error(bad_config) with file:line:column, Error(bad_input) for an
 // input that there is not.
@@ -18,4 +18,4 @@ std::vector<SpecStage> read_stages(const SpecFile& file, const char* section,
 Json read_value(const std::filesystem::path& path, const YAML::Node& node, const std::string& field,
                 const Variables& variables);
 
-}  // namespace viscera
+}  // namespace viscera::engine

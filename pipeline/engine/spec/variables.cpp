@@ -8,7 +8,7 @@
 #include "pipeline/base/yaml_file.hpp"
 #include "pipeline/engine/spec/spec_file.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -152,4 +152,4 @@ std::string Variables::suggestion(const std::string& name) const {
   return names.empty() ? "" : suggest(name, names);
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -18,7 +18,7 @@
 
 #include "pipeline/engine/spec/cases.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 struct Expansion {
   std::string text;
@@ -69,4 +69,4 @@ class Variables {
   std::map<std::string, Variable> variables_;
 };
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -11,7 +11,7 @@
 #include "pipeline/base/digest.hpp"
 #include "pipeline/contract/input_digest.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -116,4 +116,4 @@ void DigestCache::save() {
   changed_ = false;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

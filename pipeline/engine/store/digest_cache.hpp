@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-namespace viscera {
+namespace viscera::engine {
 
 class DigestCache {
  public:
@@ -59,4 +59,4 @@ class DigestCache {
   std::chrono::steady_clock::time_point saved_{};
 };
 
-}  // namespace viscera
+}  // namespace viscera::engine

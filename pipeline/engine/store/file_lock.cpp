@@ -14,7 +14,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 std::string holder(int file) {
@@ -78,4 +78,4 @@ FileLock::~FileLock() {
   close(file_);
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

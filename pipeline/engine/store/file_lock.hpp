@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-namespace viscera {
+namespace viscera::engine {
 
 class FileLock {
  public:
@@ -30,4 +30,4 @@ class FileLock {
   int file_ = -1;
 };
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -13,7 +13,7 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -69,4 +69,4 @@ LiveRuns live_runs(const fs::path& folder, bool sweep) {
   return found;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -6,7 +6,7 @@
 #include <set>
 #include <string>
 
-namespace viscera {
+namespace viscera::engine {
 
 class LiveRun {
  public:
@@ -33,4 +33,4 @@ struct LiveRuns {
 // is just beginning has made its file before it could lock it.
 LiveRuns live_runs(const std::filesystem::path& folder, bool sweep);
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -3,7 +3,7 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/json_value.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace {
 
 template <class Map>
@@ -73,4 +73,4 @@ void RunRecord::save() {
   changed_ = false;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

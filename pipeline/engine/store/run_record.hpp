@@ -9,7 +9,7 @@
 
 #include "pipeline/base/exit_code.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 class RunRecord {
  public:
@@ -42,4 +42,4 @@ class RunRecord {
 
 inline constexpr const char* run_record_name = "run.json";
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -12,7 +12,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/json_value.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -243,4 +243,4 @@ void Store::sweep_work() const {
   }
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -24,7 +24,7 @@
 #include "pipeline/engine/store/file_lock.hpp"
 #include "pipeline/engine/store/live_run.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 struct Entry {
   std::string key, transcript;
@@ -97,4 +97,4 @@ class Store {
   std::optional<LiveRun> live_;
 };
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -12,7 +12,7 @@
 #include "pipeline/base/log.hpp"
 #include "pipeline/engine/store/store.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
@@ -239,4 +239,4 @@ ExitCode verify_store(const fs::path& cache) {
   return ExitCode::bad_input;
 }
 
-}  // namespace viscera
+}  // namespace viscera::engine

@@ -7,7 +7,7 @@
 
 #include "pipeline/base/exit_code.hpp"
 
-namespace viscera {
+namespace viscera::engine {
 
 struct GcOptions {
   std::filesystem::path cache;
@@ -25,4 +25,4 @@ void collect_garbage(const GcOptions& options);
 // next run makes it again. Returns bad_input when something was.
 ExitCode verify_store(const std::filesystem::path& cache);
 
-}  // namespace viscera
+}  // namespace viscera::engine
