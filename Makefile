@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        docs live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
+        docs gallery live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -16,7 +16,7 @@ help: ## this list
 packages: ## install what running needs of .packages and this machine lacks (Debian, Ubuntu)
 	@sh .ci/packages run
 
-all-packages: ## install all of .packages but [docs]: for tests, cohorts and bundles too
+all-packages: ## install all of .packages but [gallery] and [docs]: for tests, cohorts and bundles too
 	@sh .ci/packages run cohort test gpu
 
 # The first of `make run` and `make build` configures; what `make build` or `make cuda` added stays.
@@ -86,6 +86,15 @@ docs: programs ## the documentation site, to build/docs/site/index.html
 	@{ cat docs/site/Doxyfile; echo 'OUTPUT_DIRECTORY = $(DOCS)/pages'; } | doxygen -
 	@mkdocs build --quiet --strict --config-file $(DOCS)/mkdocs.yml
 	@echo $(DOCS)/site/index.html
+
+# The simulations run one after the other, since their times are shown. Those are the times of the run
+# that the cache holds: `viscera run configs/gallery.yaml --from simulate --jobs 1` takes them again.
+# Pictures are drawn by Debian's Python, whose packages VTK and h5py are.
+gallery: programs ## eight scenes with picture, YAML and cost, to build/docs/gallery; `make docs` shows them
+	@sh .ci/packages gallery
+	@$(BIN)/viscera run configs/gallery.yaml --jobs 1
+	@xvfb-run -a /usr/bin/python3 docs/site/gallery/gallery.py out/gallery $(DOCS)/gallery
+	@echo $(DOCS)/gallery/index.md
 
 # The demo's stages by hand, each on the files of the one before, with the settings of
 # configs/demo.yaml. A missing input is made first.

@@ -317,6 +317,21 @@ def write_effects(binary, pages, site):
     return [{"All": "effects/index.md"}] + nav
 
 
+def write_gallery(pages):
+    """The pages that `make gallery` has made beside these, or how to make them."""
+    made = pages.parent / "gallery"
+    if not (made / "index.md").is_file():
+        (pages / "gallery").mkdir()
+        (pages / "gallery/index.md").write_text(
+            "# Gallery\n\nEight scenes, each with a picture, its YAML and its cost. They are not made yet: "
+            "`make gallery` runs and draws them, and `make docs` then shows them here.\n", encoding="utf-8")
+        return [{"All": "gallery/index.md"}]
+    shutil.copytree(made, pages / "gallery")
+    index = (made / "index.md").read_text(encoding="utf-8")
+    return [{"All": "gallery/index.md"}] + [{title: f"gallery/{page}"} for title, page in
+                                            re.findall(r"^## \[(.*)\]\((.*)\)$", index, re.M)]
+
+
 def main(binary, pages, site):
     shutil.rmtree(pages, ignore_errors=True)
     for folder in ["stages", "effects"]:
@@ -351,6 +366,7 @@ def main(binary, pages, site):
            {"Stages": [{"All": "stages/index.md"}] + [{n: f"stages/{n}.md"} for n in names]},
            {"The scene": "scene.md"},
            {"Laws and effects": write_effects(binary, pages, site)},
+           {"Gallery": write_gallery(pages)},
            {"The program viscera": "programs.md"}, {"Glossary": "glossary.md"},
            {"Extending": "extending.md"}, {"API": "api.md"},
            {"Documents": [{"README": "project/README.md"}, {"Architecture": "project/ARCHITECTURE.md"},
