@@ -115,10 +115,13 @@ inline constexpr bool can_stop = requires(const typename Effect::template Device
   Effect::stop(device, step, a, a, a);
 };
 
-// Whether a hand may lead an effect from frame to frame.
+// Whether a hand may lead an effect from frame to frame. Here and elsewhere a call is asked for and
+// no address, of which nvcc finds none.
 template <class Effect>
-inline constexpr bool is_steered = requires {
-  &Effect::template steer<double>;
+inline constexpr bool is_steered = requires(typename Effect::template Device<double>& device,
+                                            const Vec3<double>& origin,
+                                            const typename Effect::Params& params) {
+  Effect::steer(device, origin, params, 0.0);
 };
 
 // History variables that an effect has of each element.

@@ -1,5 +1,6 @@
 // Effects whose constraints XPBD solves in closed form. A law is its energy and what follows from
 // it; what a scheme makes of it stands here, in specialisations of Eliminated<Effect>:
+//   static constexpr bool exists = true;
 //   template <class T> SIM_HD static void xpbd_impulses(rest, const T (&mobility)[arity], u, d, p)
 //       the impulses of XPBD from zero multipliers (arithmetic.hpp)
 //   template <class T> struct Linearized { void impulses(e, p) const; };
@@ -16,12 +17,14 @@
 namespace viscera::sim {
 
 template <class Effect>
-struct Eliminated {};
+struct Eliminated {
+  static constexpr bool exists = false;
+};
 
 // Whether an effect's multipliers are eliminated: the same impulses as those of a solve by rows.
+// Said by a constant: nvcc finds no address of a function template in a requires-expression, where
+// g++ does, so that device code would be of another method than the host takes it for.
 template <class Effect>
-inline constexpr bool is_eliminated = requires {
-  &Eliminated<Effect>::template xpbd_impulses<double>;
-};
+inline constexpr bool is_eliminated = Eliminated<Effect>::exists;
 
 }  // namespace viscera::sim

@@ -13,6 +13,8 @@ namespace viscera::sim {
 
 template <>
 struct Eliminated<NeoHookean> {
+  static constexpr bool exists = true;
+
   using Law = NeoHookean;
   template <class T>
   using Rest = Law::Rest<T>;
