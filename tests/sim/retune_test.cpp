@@ -171,5 +171,27 @@ TEST(Ensemble, TellsTheWorkOfItsFirstMemberHoweverManyThereAre) {
   EXPECT_EQ(members.substep_work().phases, 1);
 }
 
+TEST(Ensemble, MembersOnACpuAreTheBodiesThatTuneMakes) {
+  const Model model = make_cube(2);
+  const Scene scene = drop_scene();
+  const Tune second_is_stiff = [](int member, Model& own, Scene&) {
+    if (member == 1) own.materials[0].youngs_modulus *= 10.0;
+  };
+  const auto [stiff, stiff_scene] = tuned(model, scene, 1, second_is_stiff);
+  ASSERT_NE(stiff.materials[0].youngs_modulus, model.materials[0].youngs_modulus);
+  const auto both = make_ensemble_on_cpu(model, scene, {}, 2, second_is_stiff);
+  const auto first_alone = make_on_cpu(model, scene, {});
+  const auto second_alone = make_on_cpu(stiff, stiff_scene, {});
+  for (int frame = 0; frame < 20; ++frame) {
+    both->advance_frame();
+    first_alone->advance_frame();
+    second_alone->advance_frame();
+  }
+  EXPECT_EQ(both->state(0).hash(), first_alone->state().hash());
+  EXPECT_EQ(both->state(1).hash(), second_alone->state().hash());
+  EXPECT_NE(both->state(0).hash(), both->state(1).hash());
+  EXPECT_FALSE(both->off_host()) << "its frames are computed on the host's cores";
+}
+
 }  // namespace
 }  // namespace viscera::sim

@@ -154,6 +154,14 @@ TEST(SlowestFrequency, KnowsAHeavyEndForAPartOfItsBody) {
   EXPECT_NEAR(slowest_frequency(uneven), slowest_frequency(even), 1e-9 * slowest_frequency(even));
 }
 
+// A bar that is thin one way and wide another bends the thin way: 1.015 L3 / L1^2 sqrt(E / rho).
+TEST(SlowestFrequency, IsThatOfTheThinSideOfAFlatBar) {
+  const Model bar = make_box({0.12, 0.04, 0.01}, {24, 8, 6}, soft_tissue);
+  const double closed_form =
+      1.015 * 0.01 / (0.12 * 0.12) * std::sqrt(soft_tissue.youngs_modulus / soft_tissue.density);
+  EXPECT_NEAR(slowest_frequency(bar), closed_form, 0.05 * closed_form);
+}
+
 // On bodies that the bound was not made with, and as sharp as it claims on Kuhn's grid.
 TEST(SweepError, IsBounded) {
   for (const double poisson_ratio : {0.35, 0.48}) {

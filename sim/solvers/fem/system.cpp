@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "sim/base/assert.hpp"
+
 namespace viscera::sim {
 
 FemSystem::FemSystem(std::vector<char> fixed, FemOptions::Linear linear)
@@ -82,8 +84,10 @@ void FemSystem::add_block(int a, int b, int place, const Eigen::Matrix3d& block)
 void FemSystem::add_diagonal(double factor, const std::vector<double>& k) {
   for (int i = 0; i < free_count(); ++i) {
     for (int axis = 0; axis < 3; ++axis) {
-      const int column = 3 * i + axis;
-      lower_.valuePtr()[lower_.outerIndexPtr()[column] + axis] += factor * k[nodes_[i]];
+      const int column = 3 * i + axis, place = lower_.outerIndexPtr()[column] + axis;
+      VISCERA_ASSERT(lower_.innerIndexPtr()[place] == column,
+                     "row " << lower_.innerIndexPtr()[place] << " of column " << column);
+      lower_.valuePtr()[place] += factor * k[nodes_[i]];
     }
   }
 }

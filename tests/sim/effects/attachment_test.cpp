@@ -75,6 +75,19 @@ TEST(Attachment, APrescribedVertexFollowsItsRampWhateverPulls) {
   }
 }
 
+TEST(Attachment, AJumpBeginsAfterItsStartAndIsWholeAtOnce) {
+  const Model model = make_cube(1);
+  Prescribed::Params params = on_top<Prescribed::Params>();
+  params.displacement = {0.0, 0.0, 0.01};
+  params.start = 0.5;
+  params.duration = 0.0;
+  const auto path = Prescribed::device<double>(model, params);
+  const auto height = [&path](double time) { return Prescribed::target(path, {}, time).z; };
+  EXPECT_EQ(height(0.25), 0.0);
+  EXPECT_EQ(height(0.5), 0.0);
+  EXPECT_EQ(height(std::nextafter(0.5, 1.0)), 0.01);
+}
+
 TEST(Attachment, WhatSelectsNothingOrLacksItsDisplacementIsRefused) {
   const Model model = make_cube(1);
   const auto refused = [&](const Scene& scene) -> std::string {

@@ -325,6 +325,17 @@ TYPED_TEST(Obstacle, ABodyThatStartsInsideIsRefused) {
   }
 }
 
+TEST(Ground, WithoutADirectionIsRefused) {
+  Scene scene = particle_scene();
+  scene.params<Ground>().emplace_back().normal = {};
+  try {
+    check_scene(scene);
+    FAIL() << "accepted";
+  } catch (const Refusal& refusal) {
+    EXPECT_EQ(refusal.field, "effects.ground.normal");
+  }
+}
+
 TEST(Contact, ACorrectionAlongAnyAxisIsATouch) {
   EXPECT_FALSE(touches(Vec3<double>{}));
   EXPECT_TRUE(touches(Vec3<double>{-1e-9, 0, 0}));

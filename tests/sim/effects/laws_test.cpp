@@ -333,6 +333,16 @@ TEST(Spring, ABodyOnAnElasticBedSwingsWithTheWeightAndFrequencyOfWinkler) {
   EXPECT_NEAR(drop / mass, expected, 0.03 * expected);
 }
 
+TEST(Prony, AnElementForAShorterTimeIsThatMadeForIt) {
+  const Model model = make_cube(1);
+  const Prony::Params params = {.modulus = 0.5, .time = 0.03};
+  auto shorter = Prony::rest<double>(model, model.tets, 0, params, 4e-3);
+  Prony::stretch(shorter, 0.25);
+  const auto made = Prony::rest<double>(model, model.tets, 0, params, 1e-3);
+  EXPECT_NEAR(shorter.kept, made.kept, 1e-15);
+  EXPECT_EQ(shorter.stiffness, made.stiffness);
+}
+
 TEST(Prony, AStrainThatIsHeldRelaxesExponentially) {
   const Model model = make_cube(1);
   const Prony::Params params = {.modulus = 0.5, .time = 0.03};
