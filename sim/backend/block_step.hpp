@@ -164,7 +164,7 @@ template <class T>
 struct BlockVertices {
   Row<T>* u;                     // [replicas] m, and the vertex's inverse mass, 1/kg
   Row<T>* d;                     // [replicas] m over the substep, and the replica's mobility, s2/kg
-  Vec3<T>* duals;                // [several] m (partition.hpp)
+  Vec3<T>* duals;                // [replicated] m (partition.hpp)
   Vec3<T>* v;                    // [count] m/s at the start of the substep
   Vec3<T>* corrections;          // [contacts * count] m, 0: not in contact
   const Vec3<T>* rest;           // [count] m

@@ -115,8 +115,8 @@ inline constexpr bool can_stop = requires(const typename Effect::template Device
   Effect::stop(device, step, a, a, a);
 };
 
-// Whether a hand may lead an effect from frame to frame. Here and elsewhere a call is asked for and
-// no address, of which nvcc finds none.
+// Whether a hand may lead an effect from frame to frame. It is asked by a call: in a
+// requires-expression nvcc does not find the address of a function template.
 template <class Effect>
 inline constexpr bool is_steered = requires(typename Effect::template Device<double>& device,
                                             const Vec3<double>& origin,

@@ -66,11 +66,11 @@ inline bool in_blocks(const SolverOptions& options) {
   return options.scheme == Scheme::block_gauss_seidel && options.method != Method::tled;
 }
 
-// Of the time step (time_rule.hpp; the finite elements': fem/step_length.hpp). The dual
-// variables of replicas in blocks make the second order gain energy: a cube of
-// nu .45 that is shaken had 219 times what it was given after 500 substeps at Cs .5, and loses it
-// by colours or without dual variables. Explicit dynamics is of second order as it is; the
-// projections of PBD are no forces.
+// Of the time step (time_rule.hpp; the finite elements': fem/step_length.hpp). The dual variables
+// of replicas in blocks make the second order gain energy: a cube of nu .45 that is shaken had 219
+// times what it was given after 500 substeps at Cs .5, and loses it by colours or without dual
+// variables. Explicit dynamics is of second order as it is; the projections of PBD
+// are no forces.
 inline int order_of(const Scene& scene, const SolverOptions& options) {
   if (options.method == Method::fem) {
     return options.fem.time == FemOptions::Time::bdf2 ? scene.time.order : 1;

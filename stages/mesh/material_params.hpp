@@ -1,4 +1,4 @@
-// The material parameters that every room understands, as people write them: E, nu, density.
+// The material parameters that every stage understands, as people write them: E, nu, density.
 #pragma once
 
 #include <string>

@@ -1,7 +1,7 @@
 // checkpoint.h5: the whole state of a run, from which it goes on to the same bits.
 //
 //   /u, /v    float64 [n][3]   displacement m, velocity m/s
-//   /memory   float64 [k]      what effects with a history keep
+//   /memory   float64 [k]      history variables (State::history)
 //   /step     uint64           substeps done
 //   /substep  float64          s
 //

@@ -182,13 +182,13 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     });
     if (frame.now.elastic > max_elastic) {
       max_elastic = frame.now.elastic;
-      outcome.max_deformed = state;
+      outcome.most_deformed = state;
     }
     const auto has_fewer = [&frame](const ComputedFrame& earlier) {
       return earlier.now.inverted < frame.now.inverted;
     };
     if (frame.now.inverted > 0 && std::ranges::all_of(outcome.frames, has_fewer)) {
-      outcome.max_inverted = inverted_tets(model, state);
+      outcome.most_inverted = inverted_tets(model, state);
     }
     outcome.frames.push_back(frame);
     outcome.before = std::move(outcome.last);

@@ -42,11 +42,11 @@ struct Outcome {
   std::string divergence;     // empty: none
   std::vector<std::pair<std::string, double>> seconds;  // of the solver, by effect
   Aside aside;
-  sim::State last;          // the last good state
-  sim::State before;        // that of the frame before, empty if there is none
-  sim::State max_deformed;  // where the elastic energy was greatest
+  sim::State last;           // the last good state
+  sim::State before;         // that of the frame before, empty if there is none
+  sim::State most_deformed;  // where the elastic energy was greatest
   // Of the frame with the most inverted tets, as inverted_tets() (inverted.hpp) lists them.
-  std::vector<std::pair<double, std::size_t>> max_inverted;
+  std::vector<std::pair<double, std::size_t>> most_inverted;
 };
 
 // `keep` is called for every good frame, the first included, `kept` after it with all so far. Body

@@ -65,7 +65,7 @@ void report_cost(StageRun& run, const Outcome& outcome) {
 void report_shape(StageRun& run, const sim::Model& model, const Outcome& outcome) {
   const sim::State rest{std::vector<sim::Vec3<double>>(model.vertex_count()), {}};
   const sim::Smoothness before = smoothness(model, rest);
-  const sim::Smoothness most = smoothness(model, outcome.max_deformed);
+  const sim::Smoothness most = smoothness(model, outcome.most_deformed);
   const auto frame = std::ranges::max_element(
       outcome.frames, {}, [](const ComputedFrame& one) { return one.now.elastic; });
   run.metric("smoothness_rest", before.mean);
@@ -123,7 +123,7 @@ GateDetails details_of(const std::string& metric, const StageRun& run, const sim
         fmt::format("in {} of {} frames, most at t {:.3f} s",
                     std::ranges::count_if(frames, is_inverted), frames.size(), worst->time_s);
     const auto tets =
-        metric == "inverted_end" ? inverted_tets(model, outcome.last) : outcome.max_inverted;
+        metric == "inverted_end" ? inverted_tets(model, outcome.last) : outcome.most_inverted;
     for (const auto& [j, tet] : tets) details.at.push_back(scanned_place(model, tet));
   } else if (metric == "min_J") {
     const auto worst = std::ranges::min_element(

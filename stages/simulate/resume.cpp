@@ -75,14 +75,14 @@ Outcome Resume::read(std::size_t frames) const {
     outcome.rest.imbalance = {.residual = pair[0].number(), .loads = pair[1].number()};
   }
   for (const auto& tet : course["most_inverted"].items()) {
-    outcome.max_inverted.emplace_back(tet[0].number(), tet[1].whole<std::size_t>());
+    outcome.most_inverted.emplace_back(tet[0].number(), tet[1].whole<std::size_t>());
   }
   for (const auto& frame : course["frames"].items()) outcome.frames.push_back(frame_from(frame));
   outcome.last = read_checkpoint(file("last", frames, "h5"), vertices_, time_);
   if (fs::exists(file("before", frames, "h5"))) {
     outcome.before = read_checkpoint(file("before", frames, "h5"), vertices_, time_);
   }
-  outcome.max_deformed = read_checkpoint(file("most", frames, "h5"), vertices_, time_);
+  outcome.most_deformed = read_checkpoint(file("most", frames, "h5"), vertices_, time_);
   const auto bytes = frames * 3 * vertices_ * sizeof(float);
   if (outcome.frames.size() != frames || fs::file_size(folder_ / positions_name) < bytes) {
     throw Error(ExitCode::bad_input, {.where = folder_.string(), .found = "fewer frames"});
@@ -147,10 +147,10 @@ void Resume::save(const Outcome& outcome) {
   if (!outcome.before.u.empty()) {
     write_checkpoint(file("before", frames, "h5"), outcome.before, time_.substep_s());
   }
-  write_checkpoint(file("most", frames, "h5"), outcome.max_deformed, time_.substep_s());
+  write_checkpoint(file("most", frames, "h5"), outcome.most_deformed, time_.substep_s());
   Json course{{"params", params_},        {"contact_time", outcome.contact_time_s},
               {"rested", outcome.rested}, {"rest_since", outcome.rest.since_s},
-              {"imbalance", nullptr},     {"most_inverted", outcome.max_inverted},
+              {"imbalance", nullptr},     {"most_inverted", outcome.most_inverted},
               {"frames", Json::array()}};
   const auto& watch = outcome.watch;
   course["watch"] = {watch.least, watch.motion, watch.work, watch.displacement, watch.begun};

@@ -37,20 +37,21 @@ MeshRequest read_request(const StageRun& run) {
   if (run.has_param("sigma")) request.sigma = run.param<double>("sigma");
   request.interface_size = run.param<double>("interface_size");
   request.grading = run.param<double>("grading");
-  const Param size = quantity("sizes", nullptr, "mm", 0.05, 500.0, "cell size of a label");
-  for (const auto& [name, value] : run.params().at("sizes").items()) {
-    request.sizes[name] =
-        resolve_required(size, value, "parameters", "sizes." + name).get<double>();
-  }
+  // Before any file is read.
+  const bool by_fields = request.by_fields(run.has_input("labels"), run.has_input("surface"));
   if (run.has_input("labels")) {
     request.labels = read_image(run.input("labels")).image;
     request.labels_file = run.input("labels").string();
   }
   // Beside labels a surface is only measured against, unless the route asks for it.
-  const bool by_surface = request.route == Request::Route::surface || !request.labels;
-  if (by_surface && run.has_input("surface")) {
+  if (!by_fields) {
     request.surface = read_vtp(run.input("surface"));
     request.surface_file = run.input("surface").string();
+  }
+  const Param size = quantity("sizes", nullptr, "mm", 0.05, 500.0, "cell size of a label");
+  for (const auto& [name, value] : run.params().at("sizes").items()) {
+    request.sizes[name] =
+        resolve_required(size, value, "parameters", "sizes." + name).get<double>();
   }
   return request;
 }

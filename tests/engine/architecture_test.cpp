@@ -236,7 +236,7 @@ TEST(Architecture, JsonOfStrangersIsReadByTypeInOnePlace) {
   });
 }
 
-// The arrows of the table go one way: a folder that another may include does not include that one.
+// No two folders of the table may include each other.
 TEST(Architecture, NoTwoFoldersIncludeEachOther) {
   for (const Folder& one : folders) {
     for (const Folder& other : folders) {

@@ -11,9 +11,9 @@ constexpr std::size_t max_bytes = std::size_t{255} << 20;
 }  // namespace
 
 void* operator new(std::size_t bytes) {
-  void* history = bytes > max_bytes ? nullptr : std::malloc(bytes > 0 ? bytes : 1);
-  if (history == nullptr) throw std::bad_alloc();
-  return history;
+  void* memory = bytes > max_bytes ? nullptr : std::malloc(bytes > 0 ? bytes : 1);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
 }
 void* operator new[](std::size_t bytes) {
   return operator new(bytes);
@@ -24,15 +24,15 @@ void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept {
 void* operator new[](std::size_t bytes, const std::nothrow_t& tag) noexcept {
   return operator new(bytes, tag);
 }
-void operator delete(void* history) noexcept {
-  std::free(history);
+void operator delete(void* memory) noexcept {
+  std::free(memory);
 }
-void operator delete(void* history, std::size_t) noexcept {
-  std::free(history);
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
 }
-void operator delete[](void* history) noexcept {
-  std::free(history);
+void operator delete[](void* memory) noexcept {
+  std::free(memory);
 }
-void operator delete[](void* history, std::size_t) noexcept {
-  std::free(history);
+void operator delete[](void* memory, std::size_t) noexcept {
+  std::free(memory);
 }

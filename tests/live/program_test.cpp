@@ -88,8 +88,8 @@ TEST_F(LiveProgram, RandomInputLeaksNothingAndMakesNoNaN) {
   EXPECT_FALSE(json["diverged"].get<bool>());
   EXPECT_TRUE(json["energy_J"]["total"].is_number()) << "null is how JSON writes NaN";
   EXPECT_NE(run.errors.find("materials.liver.nu"), std::string::npos) << "bad values were tried";
-  const Json history = json["memory_MB"];
-  const double early = history["peak_in_second_tenth"], last = history["peak_in_last_tenth"];
+  const Json memory = json["memory_MB"];
+  const double early = memory["peak_in_second_tenth"], last = memory["peak_in_last_tenth"];
   ASSERT_GT(early, 0.0);
   EXPECT_LT(last, 1.01 * early);
 }

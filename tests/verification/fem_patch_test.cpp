@@ -96,7 +96,7 @@ NodeField node_displacements(const State& state, const FemMesh& mesh) {
 
 struct Sag {
   double corner, middle;  // of the upper face, m
-  double duals;           // by the bed, over the weight
+  double carried;         // by the bed, over the weight
 };
 
 // A block under its own weight, the bed under all of its lower face.
@@ -114,9 +114,9 @@ Sag sag_on_a_bed(int order, int cells) {
   const PatchNodes bed(mesh.body(model), select_faces(model, bed_on("inferior"), "spring"));
   Sag sag{};
   for (std::size_t e = 0; e < bed.size(); ++e) {
-    sag.duals -= bed_stiffness * bed.area[e] * u[bed[e][0]].z;
+    sag.carried -= bed_stiffness * bed.area[e] * u[bed[e][0]].z;
   }
-  sag.duals /= soft.density * edge * edge * edge / 2 * 9.80665;
+  sag.carried /= soft.density * edge * edge * edge / 2 * 9.80665;
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {
     const Vec3<double>& x = model.rest[i];
     if (x.z < edge / 4 - 1e-9) continue;
@@ -129,7 +129,7 @@ Sag sag_on_a_bed(int order, int cells) {
 TEST(FemPatch, OnABedLinearAndQuadraticTetsHaveTheSameLimit) {
   const Sag coarse = sag_on_a_bed(1, 16), fine = sag_on_a_bed(1, 24);
   const Sag quadratic = sag_on_a_bed(2, 4), finer = sag_on_a_bed(2, 8);
-  for (const Sag& sag : {coarse, fine, quadratic, finer}) EXPECT_NEAR(sag.duals, 1.0, 1e-8);
+  for (const Sag& sag : {coarse, fine, quadratic, finer}) EXPECT_NEAR(sag.carried, 1.0, 1e-8);
   for (const auto where : {&Sag::corner, &Sag::middle}) {
     // Richardson: linear tets err by h^2.
     const double limit =

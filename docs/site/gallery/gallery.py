@@ -53,10 +53,10 @@ def cost_of(manifest, scene_json):
     simulated_s = (metrics["frames"] - 1) * frame_s  # the first frame is the start
     return {"tets": str(metrics["tets"]),
             "substeps a frame": str(metrics["substeps"]),
-            "a frame takes (median)": f"{frame_ms:.3g} ms",
+            "a frame takes (median)": f"{frame_ms:.1f} ms",
             "of real time": f"{100 * share:.0f} %",
             "simulated": f"{simulated_s:.2f} s",
-            "computed in": f"{manifest['wall_s']:.2g} s"}
+            "computed in": f"{manifest['wall_s']:.1f} s"}
 
 
 def table(rows):

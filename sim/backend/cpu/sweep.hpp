@@ -206,7 +206,7 @@ void fill_sweeps(SweepTables& tables) {
   fill_table<isa>(std::get<1>(tables));
 }
 
-// One translation unit each, cpu_sweep_ISA.cpp.
+// One translation unit each, sweep_ISA.cpp.
 void fill_sweeps_baseline(SweepTables& tables);
 void fill_sweeps_avx2(SweepTables& tables);
 void fill_sweeps_avx512(SweepTables& tables);

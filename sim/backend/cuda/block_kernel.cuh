@@ -77,7 +77,7 @@ __device__ Item* in_global(Item* pointer) {
   return pointer;
 }
 
-// A block's room for element effects. What is kept close for the whole frame lies behind what one
+// A block's room for element effects. What is resident for the whole frame lies behind what one
 // effect after the other uses.
 struct WorkSpace {
   std::ptrdiff_t begin;  // bytes into the block's shared memory
@@ -521,7 +521,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
 
 inline constexpr int min_width = 256, usual_width = 384, max_width = 512;  // threads
 
-// A compiled kernel and what it is for: the fewer threads at most, the more registers each has.
+// A compiled kernel and what it is for: the lower max_threads, the more registers a thread has.
 template <class T>
 struct KernelVariant {
   EffectSet effects;

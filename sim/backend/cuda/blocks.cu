@@ -12,8 +12,8 @@
 
 namespace viscera::sim {
 
-// nvcc must take an effect for what the host's compiler takes it for: where it did not, blocks on a
-// device were solved by another method than on the host, three times as slowly.
+// nvcc must take an effect for what the host's compiler takes it for. Where it did not, blocks on a
+// device were solved by another method than on the host, with a larger error at rest.
 static_assert(is_eliminated<NeoHookean> && is_linearizable<NeoHookean> &&
               has_reference<NeoHookean>);
 static_assert(is_steered<Grip> && is_steered<Collider<Sphere>> && !is_steered<Gravity>);

@@ -19,7 +19,7 @@
 // its bulk modulus is that of Poisson's ratio 0. Every finer deformation has the same frequency,
 // where the material's rises with the wave number: smaller regions follow it further.
 //
-// Where regions overlap, a vertex is split into copies that have the masses of its tets in each,
+// Where regions overlap, a vertex is split into replicas that have the masses of its tets in each,
 // and their displacements are averaged (partition.hpp).
 #pragma once
 

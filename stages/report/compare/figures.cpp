@@ -43,7 +43,7 @@ std::size_t frame_at(const ComparedRun& run, double time_s) {
   return best;
 }
 
-std::size_t max_deformed(const ComparedRun& run) {
+std::size_t most_deformed_frame(const ComparedRun& run) {
   return frame_at(run, run.metric("max_deformation_time").value_or(0.0));
 }
 
@@ -160,7 +160,7 @@ Figure side_by_side_figure(const RunList& runs) {
   const Camera camera = camera_for(*runs.front());
   const std::vector<Colour> colours = colours_of(runs);
   for (int i = 0; i < count; ++i) {
-    const std::size_t frame = max_deformed(*runs[i]);
+    const std::size_t frame = most_deformed_frame(*runs[i]);
     figure.image.paste(picture(*runs[i], frame, camera, colours[i]), i * tile_width, 0);
     figure.caption.push_back({{"run", runs[i]->name}, {"time_s", time_of(*runs[i], frame)}});
   }
@@ -173,7 +173,7 @@ Figure overlay_figure(const RunList& runs) {
   Figure figure{blank(count * tile_width, tile_height, {1, 1, 1}), Json::array()};
   const std::vector<Colour> colours = colours_of(runs);
   const Camera camera = camera_for(outlined);
-  const std::size_t frame = max_deformed(outlined);
+  const std::size_t frame = most_deformed_frame(outlined);
   const double time = time_of(outlined, frame);
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (i == 1) continue;

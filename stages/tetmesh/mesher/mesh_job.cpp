@@ -57,31 +57,34 @@ std::optional<SurfaceMesh> body_of(const SurfaceMesh& all) {
   return std::nullopt;
 }
 
-MeshJob::MeshJob(MeshRequest request)
-    : factors_{.facet_size = request.facet_size,
-               .facet_distance = request.facet_distance,
-               .facet_angle = request.facet_angle,
-               .radius_edge = request.radius_edge} {
-  const bool labels = request.labels.has_value(), surface = request.surface.has_value();
-  using Route = MeshRequest::Route;
-  if (!labels && !surface)
+bool MeshRequest::by_fields(bool has_labels, bool has_surface) const {
+  if (!has_labels && !has_surface)
     throw bad_route("neither labels nor surface given",
                     "add --in labels=FILE or --in surface=FILE");
-  by_fields_ = request.route == Route::fields || (request.route == Route::automatic && labels);
-  if (by_fields_ && !labels) throw bad_route("fields, without labels", "add --in labels=FILE");
-  if (!by_fields_ && !surface) throw bad_route("surface, without one", "add --in surface=FILE");
-  lattice_ = request.lattice;
-  const bool by_cgal = request.improver == MeshRequest::Improver::cgal;
-  improve_ = request.improver == MeshRequest::Improver::own;
-  hxt_ = request.mesher == MeshRequest::Mesher::hxt;
-  if (hxt_ && by_cgal) {
+  const bool result = route == Route::fields || (route == Route::automatic && has_labels);
+  if (result && !has_labels) throw bad_route("fields, without labels", "add --in labels=FILE");
+  if (!result && !has_surface) throw bad_route("surface, without one", "add --in surface=FILE");
+  if (mesher == Mesher::hxt && improver == Improver::cgal) {
     throw Error(ExitCode::bad_config, {.where = "parameters",
                                        .field = "improve",
                                        .found = "cgal, for tets that Mesh_3 did not make",
                                        .allowed = "own or none with mesher: hxt"});
   }
-  options_ = {.perturb_and_exude = by_cgal, .sliver_angle = request.sliver_angle};
-  if (labels) take_labels(request);
+  return result;
+}
+
+MeshJob::MeshJob(MeshRequest request)
+    : by_fields_(request.by_fields(request.labels.has_value(), request.surface.has_value())),
+      hxt_(request.mesher == MeshRequest::Mesher::hxt),
+      improve_(request.improver == MeshRequest::Improver::own),
+      options_{.perturb_and_exude = request.improver == MeshRequest::Improver::cgal,
+               .sliver_angle = request.sliver_angle},
+      lattice_(request.lattice),
+      factors_{.facet_size = request.facet_size,
+               .facet_distance = request.facet_distance,
+               .facet_angle = request.facet_angle,
+               .radius_edge = request.radius_edge} {
+  if (request.labels) take_labels(request);
   if (!by_fields_) take_surface(request);
   take_sizes(request);
 }

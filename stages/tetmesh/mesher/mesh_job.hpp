@@ -19,7 +19,8 @@ namespace viscera {
 // labels stand alone.
 std::optional<SurfaceMesh> body_of(const SurfaceMesh& all);
 
-// What is to be meshed, and how. The defaults are those of viscera-tetmesh.
+// What is to be meshed, and how. Defaults are those of viscera-tetmesh, and ranges those that it
+// declares; they are not checked here.
 struct MeshRequest {
   enum class Route { automatic, fields, surface };  // automatic: fields where labels are given
   enum class Improver { own, cgal, none };
@@ -38,8 +39,12 @@ struct MeshRequest {
   double sliver_angle = 10.0;           // degrees, below which Improver::cgal works on a tet
   std::optional<double> sigma;          // mm, of the Gaussian on the labels; none: default_sigma
   std::map<std::string, double> sizes;  // mm, cell sizes of labels that have their own
-  double interface_size = 1.0;          // between labels, as a multiple of the cell size
-  double grading = 0.3;                 // mm that the size may grow in a mm
+  double interface_size = 1.0;  // at the boundary and between labels, as a part of the cell size
+  double grading = 0.3;         // mm that the size may grow in a mm
+
+  // Whether the fields of labels are meshed, or else the surface, where both or one are given.
+  // Throws Error(bad_config) where route, inputs, mesher and improver do not fit.
+  bool by_fields(bool has_labels, bool has_surface) const;
 };
 
 class MeshJob {
