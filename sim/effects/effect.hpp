@@ -118,11 +118,15 @@ inline constexpr bool can_stop = requires(const typename Effect::template Device
 // Whether a hand may lead an effect from frame to frame. It is asked by a call: in a
 // requires-expression nvcc does not find the address of a function template.
 template <class Effect>
-inline constexpr bool is_steered = requires(typename Effect::template Device<double>& device,
-                                            const Vec3<double>& origin,
-                                            const typename Effect::Params& params) {
-  Effect::steer(device, origin, params, 0.0);
-};
+inline constexpr bool is_steered = [] {
+  if constexpr (requires { typename Effect::template Device<double>; }) {
+    return requires(typename Effect::template Device<double> & device,
+                    const typename Effect::Params& params) {
+      Effect::steer(device, Vec3<double>{}, params, 0.0);
+    };
+  }
+  return false;
+}();
 
 // History variables that an effect has of each element.
 template <class Effect>
