@@ -8,7 +8,7 @@
 #include "stages/program/stage_main.hpp"
 #include "stages/tetmesh/quality/label_loss.hpp"
 #include "stages/tetmesh/quality/measure.hpp"
-#include "stages/tetmesh/quality/time_step.hpp"
+#include "stages/tetmesh/time_step.hpp"
 
 namespace viscera {
 

@@ -1,4 +1,4 @@
-#include "stages/tetmesh/quality/time_step.hpp"
+#include "stages/tetmesh/time_step.hpp"
 
 #include <algorithm>
 #include <cmath>
