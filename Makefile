@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        docs gallery live soak bench-solver bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
+        docs gallery live soak bench-solver bench-body bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -141,6 +141,11 @@ BENCH_SOLVER_CSV ?= docs/results/solver_speed.csv
 bench-solver: $(BENCH)/mesh.vtu ## what a substep costs on this machine, by method and threads: BENCH_MESHES, _SOLVER_CSV
 	@$(BIN)/bench_solver $(BENCH_SOLVER_CSV) $(BENCH_MESHES)
 
+BENCH_BODY_CSV ?= docs/results/body.csv
+BENCH_NU ?= 0.3,0.45,0.49,0.499
+bench-body: $(BENCH)/mesh.vtu ## how far linear tets and smoothed elements are off quadratic ones, and what they cost: BENCH_MESHES, _NU, _BODY_CSV
+	@$(BIN)/bench_body $(BENCH_BODY_CSV) $(BENCH_NU) $(BENCH_MESHES) bar
+
 bench-gpu: $(BENCH)/mesh.vtu ## what accuracy costs on this machine's GPU: BENCH_MESHES
 	@mkdir -p out/bench && $(BIN)/bench_gpu out/bench/gpu.csv 5 0.45 $(BENCH_MESHES)
 
@@ -194,7 +199,8 @@ sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and Thr
 
 odr: all-packages ## link the programs as wholes and refuse types of one name that are not one type
 	@cmake -G Ninja -S . -B build/odr -DCMAKE_BUILD_TYPE=Release -DVISCERA_TESTS=OFF -DVISCERA_CUDA=OFF \
-	  -DCMAKE_CXX_FLAGS='-O1 -flto=auto -Werror=odr -Werror=lto-type-mismatch' >/dev/null
+	  -DCMAKE_CXX_FLAGS_RELEASE='-O0 -DNDEBUG' \
+	  -DCMAKE_CXX_FLAGS='-flto=auto -Werror=odr -Werror=lto-type-mismatch' >/dev/null
 	@ninja -C build/odr -j $(JOBS)
 
 fuzz: all-packages ## the readers of every file that viscera takes under libFuzzer (FUZZ_SECONDS each, FUZZ_ONLY)

@@ -3,6 +3,8 @@
 // (self_contact_step.hpp): lists and results do not depend on which thread came first.
 #pragma once
 
+#include <cooperative_groups/reduce.h>
+
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 
@@ -78,7 +80,10 @@ __global__ void find_largest_motion(int count, const int* vertices, ContactBody<
   const int k = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const double motion = k < count ? norm(body.motion(vertices[k])) : 0.0;
   const unsigned bits = motion > 0.0 ? __float_as_uint(__double2float_ru(motion)) : 0u;
-  const unsigned most = __reduce_max_sync(0xffffffffu, bits);
+  const auto warp =
+      cooperative_groups::tiled_partition<32>(cooperative_groups::this_thread_block());
+  const unsigned most =
+      cooperative_groups::reduce(warp, bits, cooperative_groups::greater<unsigned>());
   if (threadIdx.x % 32 == 0 && most > 0) atomicMax(largest, most);
 }
 
