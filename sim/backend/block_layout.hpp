@@ -252,7 +252,7 @@ class BlockLayout {
     if (!team_.linearizes) return false;
     if (cs > cs_limit) return true;
     double softening = 0.0, total = 0.0;
-    if constexpr (is_eliminated<Effect>) {
+    if constexpr (is_linearized_apart<Effect>) {
       for (std::size_t e = 0; e < effect.rest.size(); ++e) {
         T mobility[Effect::arity];
         mobilities(program, effect.vertices[e], mobility);
@@ -280,7 +280,7 @@ class BlockLayout {
         for (const int v : effect.vertices[element]) most = std::max(most, replicas_of(v).size());
         Effect::lighten(rest, static_cast<T>(most));
       }
-      if constexpr (is_eliminated<Effect>) {
+      if constexpr (is_linearized_apart<Effect>) {
         if (!linearizes) {
           T mobility[Effect::arity];
           mobilities(program, effect.vertices[element], mobility);

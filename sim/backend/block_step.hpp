@@ -138,8 +138,8 @@ SIM_HD bool has_pass(const BlockScene<T>& scene) {
 // The element effects of a substep: sweep.template operator()<Effect>(view) for those of one pass
 // after the other. Rate forces act on dt v alone; then load() gives the vertices what forces,
 // motions and contacts do to them. After the other forces offset() gives the replicas of a vertex
-// what they carry, which strains an element as no motion does. Where a scene has none of a pass,
-// what would follow it has been done before.
+// their dual variables, which strain an element as no motion does. Where a scene has none of a
+// pass, what would follow it has been done before.
 template <EffectSet set = all_effects, class T, class Sweep, class Load, class Offset>
 constexpr void sweep_in_order(const BlockScene<T>& scene, Sweep&& sweep, Load&& load,
                               Offset&& offset) {
@@ -200,7 +200,7 @@ struct VertexNow {
       : replicas(x.replicas[i]), share(x.share[i]), u(x.u[replicas.begin]), v(x.v[i]) {}
 
   // In all blocks together.
-  SIM_HD bool has_replicas() const { return share < T(1); }
+  SIM_HD bool is_replicated() const { return share < T(1); }
   // function(replica) for each that the block has.
   template <class Function>
   SIM_HD void for_each_replica(Function&& function) const {
@@ -242,7 +242,7 @@ template <EffectSet set = all_effects, class T>
 SIM_HD Vec3<T> offset_now(const BlockScene<T>& scene, const BlockVertices<T>& x, int replica,
                           const VertexNow<T>& now) {
   const bool later = has_pass<ElementPass::forces, set>(scene);
-  return now.has_replicas() && !later ? before_sweep(x.duals[replica]) : Vec3<T>{};
+  return now.is_replicated() && !later ? before_sweep(x.duals[replica]) : Vec3<T>{};
 }
 
 // Up to the element effects.
@@ -267,7 +267,7 @@ template <EffectSet set = all_effects, class T>
 SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                        int i) {
   const VertexNow<T> now(x, i);
-  const bool apart = now.has_replicas();
+  const bool apart = now.is_replicated();
   Vec3<T>& first = x.d[now.replicas.begin].v;
   const Vec3<T> undamped = begin_vertex(now.u.w, now.v, scene.dt);
   const Vec3<T> from = apart || !(now.u.w > T(0)) ? undamped : first;
@@ -314,7 +314,7 @@ template <EffectSet set = all_effects, class T>
 SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                          int i, const Vec3<T>& sum, VertexNow<T>& now) {
   Vec3<T> d;
-  if (now.has_replicas()) {
+  if (now.is_replicated()) {
     const Vec3<T> from = now.inertial(scene.dt), mean = now.share * sum;
     now.for_each_replica([&](int replica) {
       x.duals[replica] = next_dual(x.duals[replica], x.d[replica].v - from, mean);

@@ -52,6 +52,8 @@
 //       than M V sum |grad N_i|^2, for the limit of explicit dynamics (stability.hpp)
 //   static double energy(model, tet, params, h)        J, what it stores in a tet with the gradient
 //       h of displacement, for the diagnostics
+//   static double energy_of_body(model, params, u)     optional: J, where what it stores is not the
+//       sum of that over the tets, each with its own strain
 // kind == force: an acceleration of every vertex
 //   template <class T> struct Device; static Device<T> device(model, params), or (model, params,
 //   dt) template <class T> SIM_HD static Vec3<T> acceleration(device, rest_position, u, v)
@@ -133,6 +135,15 @@ template <class Effect>
 inline constexpr int history_of = [] {
   if constexpr (requires { Effect::history; }) return Effect::history;
   return 0;
+}();
+
+// Whether what an elastic effect stores is not that of the tets' own strains.
+template <class Effect>
+inline constexpr bool smooths_strain = [] {
+  if constexpr (requires { &Effect::energy; }) return requires {
+      &Effect::energy_of_body;
+    };
+  return false;
 }();
 
 // What ends() returns for an effect that goes on changing for as long as a scene can last.

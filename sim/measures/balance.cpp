@@ -81,15 +81,15 @@ Imbalance Balance::imbalance(const State& first, const State& second, const Stat
       lacks[i] -= at(velocity[i]) - standing;
     }
   });
-  const auto remembered = history_of_elements(on_, now);
-  auto history = remembered.value_or(std::span<const double>());
+  const auto known = history_of_elements(on_, now);
+  auto history = known.value_or(std::span<const double>());
   for_each_slot<EffectKind::element>(on_, [&]<class Effect>(const auto& effect) {
     if constexpr (is_load<Effect>) {
       VertexField pushes(n);
       add_forces<Effect>(effect, {}, now.u, {}, pushes);
       found.loads += sum_of_lengths(pushes, free_);
     } else {
-      if (history_of < Effect >> 0 && !remembered) return;
+      if (history_of < Effect >> 0 && !known) return;
       // A branch has the force of its strain, whatever the rate.
       add_forces<Effect>(effect, history, now.u, history_of<Effect> > 0 ? VertexField{} : moved,
                          rates);

@@ -29,9 +29,9 @@ void evaluate_element(const typename Effect::template Rest<double>& rest, const 
   }
 }
 
-// How many numbers the elements of all effects with a history among `effects` remember.
+// History variables of the elements of all effects among `effects`.
 template <class Slots>
-std::size_t remembered_by(const Slots& effects) {
+std::size_t history_numbers(const Slots& effects) {
   std::size_t numbers = 0;
   for_each_slot<EffectKind::element>(effects, [&]<class Effect>(const auto& effect) {
     numbers += effect.vertices.size() * history_of<Effect>;
@@ -39,15 +39,14 @@ std::size_t remembered_by(const Slots& effects) {
   return numbers;
 }
 
-// What the elements of all effects with a history among `effects` remember in a state, effect after
-// effect; none of a solver that keeps no history, as quasi-static ones do. What else a solver
-// remembers, as of nodes within edges, stands before it.
+// Those of a state, effect after effect; none of a solver that keeps no history, as quasi-static
+// ones do. What else a solver keeps there, as of nodes within edges, stands before them.
 template <class Slots>
 std::optional<std::span<const double>> history_of_elements(const Slots& effects,
                                                            const State& state) {
-  const std::size_t remembered = remembered_by(effects);
-  if (state.history.size() < remembered) return std::nullopt;
-  return std::span<const double>(state.history).last(remembered);
+  const std::size_t known = history_numbers(effects);
+  if (state.history.size() < known) return std::nullopt;
+  return std::span<const double>(state.history).last(known);
 }
 
 // The force of one element, N, with the material's full damping: an explicit solver may lower it.

@@ -62,11 +62,11 @@ EnergyWatch::EnergyWatch(const Model& model, const Scene& scene, Method method)
 
 double EnergyWatch::stored(const State& now) const {
   double sum = 0.0;
-  const auto remembered = history_of_elements(on_, now);
-  auto history = remembered.value_or(std::span<const double>());
+  const auto known = history_of_elements(on_, now);
+  auto history = known.value_or(std::span<const double>());
   for_each_slot<EffectKind::element>(on_, [&]<class Effect>(const auto& effect) {
     if constexpr (stores_apart<Effect>) {
-      if (history_of < Effect >> 0 && !remembered) return;
+      if (history_of < Effect >> 0 && !known) return;
       constexpr int arity = Effect::arity;
       for (std::size_t e = 0; e < effect.vertices.size(); ++e) {
         Vec3<double> u[arity];

@@ -43,7 +43,7 @@ double modulus_now(const Material& material, const typename Effect::Params& para
   const Lame constants = lame(material);
   const double mu = constants.mu, lambda = constants.lambda;
   const double s2 = now.s2(), trace = now.s1 + s2 + now.s3;
-  if constexpr (std::is_same_v<Effect, NeoHookean>) {
+  if constexpr (std::is_same_v<Effect, NeoHookean> || std::is_same_v<Effect, SmoothedNeoHookean>) {
     const double own = constants.neo_hookean_lambda();
     return mu + now.largest_of_j(own * (now.j - 1.0) - mu) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, Volume>) {
@@ -94,7 +94,7 @@ std::vector<double> bounds(const Model& model, const Scene& scene, const State& 
   return squared;
 }
 
-// Adds the elastic forces of an effect at u + step d, times `weight`, N. What a branch remembers is
+// Adds the elastic forces of an effect at u + step d, times `weight`, N. The history of a branch is
 // that of this state.
 template <class Effect>
 void add_elastic(const Prepared<Effect, double>& effect, const State& state, const VertexField& d,
@@ -121,7 +121,7 @@ using Slot = Prepared<Effect, double>;
 double fastest_mode(const Model& model, const Scene& scene, const State& state,
                     const std::vector<double>& bounds) {
   Effects::Slots<Slot> forces;
-  // Steps longer than any relaxation: what a branch remembers is where it is.
+  // Steps longer than any relaxation: the history of a branch is where it is.
   Effects::for_each([&]<class Effect, std::size_t i>() {
     if constexpr (Elastic<Effect>) {
       for (const auto& params : std::get<i>(scene.effects)) {

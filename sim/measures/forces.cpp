@@ -26,13 +26,13 @@ std::vector<Vec3<double>> element_forces(const Model& model, const Scene& scene,
       }
     }
   });
-  State known{.history = state.history};
-  if (known.history.empty()) known.history.resize(remembered_by(on));  // a virgin material
-  const auto remembered = history_of_elements(on, known);
-  if (!remembered) {
+  State virgin{.history = state.history};
+  if (virgin.history.empty()) virgin.history.resize(history_numbers(on));  // a virgin material
+  const auto known = history_of_elements(on, virgin);
+  if (!known) {
     throw std::invalid_argument("element_forces: a state with the history of other elements");
   }
-  auto history = *remembered;
+  auto history = *known;
   VertexField forces(model.vertex_count());
   for_each_slot<EffectKind::element>(on, [&]<class Effect>(const auto& effect) {
     add_forces<Effect>(effect, history, state.u, {}, forces);

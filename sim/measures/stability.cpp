@@ -39,9 +39,9 @@ double shear_number(const Model& model, std::size_t tet, double dt) {
 
 // Of the position based effects only the Neo-Hookean block and Prony branches have a limit.
 bool is_limited(const Scene& scene, std::size_t tet) {
-  return scene.has<Prony>() ||
-         std::ranges::any_of(scene.params<NeoHookean>(),
-                             [tet](const auto& p) { return NeoHookean::acts_on(p, tet); });
+  const auto acts = [tet](const auto& law) { return NeoHookean::acts_on(law, tet); };
+  return scene.has<Prony>() || std::ranges::any_of(scene.params<NeoHookean>(), acts) ||
+         std::ranges::any_of(scene.params<SmoothedNeoHookean>(), acts);
 }
 
 // Of all elastic effects that are on together, Pa.
@@ -57,9 +57,10 @@ double explicit_modulus(const Scene& scene, const Material& material) {
   return sum;
 }
 
-// Gives the tets above the limit of Cs to the corotational law.
+// Gives the tets of some laws above the limit of Cs to the corotational law.
+template <class Law>
 void switch_form(const Model& model, Scene& scene) {
-  auto& laws = scene.params<NeoHookean>();
+  auto& laws = scene.params<Law>();
   if (laws.empty() || scene.has<Prony>()) return;
   std::vector<char> taken = laws.front().taken;
   taken.resize(model.tet_count(), 0);
@@ -74,6 +75,15 @@ void switch_form(const Model& model, Scene& scene) {
     law.taken = taken;
     others.push_back({{}, taken});
   }
+}
+
+std::size_t tets_taken(const Scene& scene) {
+  std::size_t count = 0;
+  const auto add = [&count](const auto& laws) {
+    if (!laws.empty()) count += std::ranges::count(laws.front().taken, 1);
+  };
+  add(scene.params<NeoHookean>()), add(scene.params<SmoothedNeoHookean>());
+  return count;
 }
 
 // Effects that move vertices as one, and know of no force of an element.
@@ -165,18 +175,28 @@ Stability assess(const Model& model, const Scene& scene, const SolverOptions& op
   if (method == Method::tled) {
     result.limit = {"Courant", result.courant_max, courant_limit, result.courant_tet};
   }
-  if (scene.has<NeoHookean>()) {
-    result.switched = std::ranges::count(scene.params<NeoHookean>().front().taken, 1);
-  }
+  result.switched = tets_taken(scene);
   const double needed = scene.time.substeps * result.limit.value / result.limit.at_most;
   result.substeps_needed = std::max(1.0, std::ceil(needed * (1.0 - 1e-12)));
   return result;
 }
 
+void keep_forms(const Scene& from, Scene& to) {
+  to.params<NeoHookean>() = from.params<NeoHookean>();
+  to.params<SmoothedNeoHookean>() = from.params<SmoothedNeoHookean>();
+  to.params<Corotational>() = from.params<Corotational>();
+}
+
 Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& options) {
   const bool is_xpbd = options.method == Method::xpbd;
   scene.time.order = order_of(scene, options);
-  if (scene.stability == StabilityPolicy::form && is_xpbd) switch_form(model, scene);
+  if (scene.stability == StabilityPolicy::form && is_xpbd) {
+    switch_form<NeoHookean>(model, scene);
+    switch_form<SmoothedNeoHookean>(model, scene);
+  }
+  for (auto& law : scene.params<SmoothedNeoHookean>()) {
+    law.made = std::make_shared<const EdgeDomains>(model, law.taken);
+  }
   raise_substeps(scene, assess(model, scene, options));
   // Of the substeps that the run will have: how far off it rests, and how long forces must be held
   // for that, is in proportion to their square.

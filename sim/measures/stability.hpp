@@ -61,6 +61,9 @@ double squared_gradients(const Mat3<double>& rest_inverse);
 
 Stability assess(const Model& model, const Scene& scene, const SolverOptions& options = {});
 
+// Gives a scene the forms of the laws that the policy has made for another of the same body.
+void keep_forms(const Scene& from, Scene& to);
+
 // Follows scene.accuracy_limit first: where XPBD's error at rest may be larger, elements hold their
 // forces (not under the policy `refuse`), or else the substeps are raised, to four times as many at
 // most. Then follows scene.stability: raises the substeps, or throws Refusal with the number that

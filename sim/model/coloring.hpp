@@ -127,20 +127,32 @@ class PartialColoring {
 Coloring group_by_color(std::span<const int> color_of_element);
 
 // Whether no two elements of a colour share a vertex, which is what lets them be solved side by
-// side.
+// side. An element may name a vertex twice.
 template <std::size_t arity>
 bool is_disjoint(const Coloring& coloring, std::span<const std::array<int, arity>> elements,
                  std::size_t vertex_count) {
-  std::vector<int> last(vertex_count, -1);
+  std::vector<int> color_of(vertex_count, -1),
+      element_of(vertex_count, -1);  // the last that had it
   for (int color = 0; color < coloring.color_count(); ++color) {
     for (int k = coloring.color_begin[color]; k < coloring.color_begin[color + 1]; ++k) {
-      for (const int v : elements[coloring.order[k]]) {
-        if (last[v] == color) return false;
-        last[v] = color;
+      const int e = coloring.order[k];
+      for (const int v : elements[e]) {
+        if (color_of[v] == color && element_of[v] != e) return false;
+        color_of[v] = color, element_of[v] = e;
       }
     }
   }
   return coloring.order.size() == elements.size();
+}
+
+template <std::size_t arity>
+Coloring checked_coloring(std::span<const int> color,
+                          [[maybe_unused]] std::span<const std::array<int, arity>> elements,
+                          [[maybe_unused]] std::size_t vertex_count) {
+  const Coloring coloring = group_by_color(color);
+  VISCERA_ASSERT((is_disjoint<arity>(coloring, elements, vertex_count)),
+                 elements.size() << " elements in " << coloring.color_count() << " colours");
+  return coloring;
 }
 
 // Greedy: each element in turn takes the first colour that none of its vertices has. Uses at most
@@ -164,10 +176,7 @@ Coloring color_elements(std::span<const std::array<int, arity>> elements,
       break;
     }
   }
-  const Coloring coloring = group_by_color(color);
-  VISCERA_ASSERT((is_disjoint<arity>(coloring, elements, vertex_count)),
-                 elements.size() << " elements in " << coloring.color_count() << " colours");
-  return coloring;
+  return checked_coloring<arity>(color, elements, vertex_count);
 }
 
 // The same with fewer colours, for ten times the work: next comes the element that has the fewest
@@ -243,10 +252,7 @@ Coloring color_with_few(std::span<const std::array<int, arity>> elements, std::s
     color = fewer.colors();
     --colors;
   }
-  const Coloring coloring = group_by_color(color);
-  VISCERA_ASSERT((is_disjoint<arity>(coloring, elements, vertex_count)),
-                 elements.size() << " elements in " << coloring.color_count() << " colours");
-  return coloring;
+  return checked_coloring<arity>(color, elements, vertex_count);
 }
 
 }  // namespace viscera::sim

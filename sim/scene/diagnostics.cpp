@@ -63,12 +63,13 @@ Diagnostics diagnose(const Model& model, const Scene& scene, const State& state)
     if (j <= 0.0) ++sum.inverted;
     sum.volume += j * model.volume[t];
     sum.rest_volume += model.volume[t];
-    sum.elastic += elastic_energy(model, scene, t, h);
+    sum.elastic += elastic_energy_of_tet(model, scene, t, h);
   };
   std::vector<Vec3<double>> momentum(state.v);
   for (std::size_t i = 0; i < momentum.size(); ++i) momentum[i] *= model.mass[i];
-  return diagnostics_of(scene, sum_over_elements(model.tet_count(), add_tet),
-                        {state.u, state.v, momentum, model.mass});
+  ElementSums elements = sum_over_elements(model.tet_count(), add_tet);
+  elements.elastic += smoothed_energy(model, scene, state.u);
+  return diagnostics_of(scene, elements, {state.u, state.v, momentum, model.mass});
 }
 
 Smoothness smoothness(const Model& model, const State& state) {

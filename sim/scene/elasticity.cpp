@@ -5,6 +5,21 @@
 namespace viscera::sim {
 namespace {
 
+template <bool with_smoothed>
+double sum_of_energies(const Model& model, const Scene& scene, std::size_t tet,
+                       const Mat3<double>& h) {
+  double sum = 0.0;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (requires { &Effect::energy; }) {
+      if constexpr (smooths_strain<Effect> && !with_smoothed) return;
+      for (const auto& params : std::get<i>(scene.effects)) {
+        sum += Effect::energy(model, tet, params, h);
+      }
+    }
+  });
+  return sum;
+}
+
 // P V = dE/dH.
 Mat3<double> force_gradient(const Model& model, const Scene& scene, std::size_t tet,
                             const Mat3<double>& h) {
@@ -33,11 +48,20 @@ Mat3<double> gradient_of(const Model& model, const State& state, std::size_t tet
 
 double elastic_energy(const Model& model, const Scene& scene, std::size_t tet,
                       const Mat3<double>& h) {
+  return sum_of_energies<true>(model, scene, tet, h);
+}
+
+double elastic_energy_of_tet(const Model& model, const Scene& scene, std::size_t tet,
+                             const Mat3<double>& h) {
+  return sum_of_energies<false>(model, scene, tet, h);
+}
+
+double smoothed_energy(const Model& model, const Scene& scene, const std::vector<Vec3<double>>& u) {
   double sum = 0.0;
   Effects::for_each([&]<class Effect, std::size_t i>() {
-    if constexpr (requires { &Effect::energy; }) {
+    if constexpr (smooths_strain<Effect>) {
       for (const auto& params : std::get<i>(scene.effects)) {
-        sum += Effect::energy(model, tet, params, h);
+        sum += Effect::energy_of_body(model, params, u);
       }
     }
   });

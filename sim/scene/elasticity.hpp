@@ -10,9 +10,15 @@ namespace viscera::sim {
 // The gradient H of the displacement in a tet.
 Mat3<double> gradient_of(const Model& model, const State& state, std::size_t tet);
 
-// J. `h` is the gradient of displacement.
+// J, by the laws of all elastic effects. `h` is the gradient of displacement.
 double elastic_energy(const Model& model, const Scene& scene, std::size_t tet,
                       const Mat3<double>& h);
+
+// J, what a body stores: in a tet by the effects that go by its own strain, and in all of it by
+// those that smooth the strain.
+double elastic_energy_of_tet(const Model& model, const Scene& scene, std::size_t tet,
+                             const Mat3<double>& h);
+double smoothed_energy(const Model& model, const Scene& scene, const std::vector<Vec3<double>>& u);
 
 // Von Mises' equivalent of the Cauchy stress, Pa: sqrt(3/2 s:s) of the deviator s of
 // sigma = P F^T / J, with P = dPsi/dF of the energy above by central differences (to about 1e-9 of

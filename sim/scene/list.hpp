@@ -16,6 +16,7 @@
 #include "sim/effects/laws/neo_hookean.hpp"
 #include "sim/effects/laws/prony.hpp"
 #include "sim/effects/laws/shape_matching.hpp"
+#include "sim/effects/laws/smoothed_neo_hookean.hpp"
 #include "sim/effects/laws/stvk.hpp"
 #include "sim/effects/laws/viscosity.hpp"
 #include "sim/effects/laws/volume.hpp"
@@ -63,8 +64,8 @@ struct EffectList {
 };
 
 using Effects = EffectList<Gravity, Grip, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean,
-                           Linear, StVK, Corotational, Distance, Volume, Fibre, Prony, Spring,
-                           ShapeMatching, SelfContact, Ground, Collider<Plane>, Collider<Sphere>,
-                           Collider<Capsule>, Collider<Box>>;
+                           SmoothedNeoHookean, Linear, StVK, Corotational, Distance, Volume, Fibre,
+                           Prony, Spring, ShapeMatching, SelfContact, Ground, Collider<Plane>,
+                           Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

@@ -49,12 +49,6 @@ void add_hand(sim::Scene& scene, const sim::Model& model, bool has_tool) {
   ball.radius = tool_of_size * model.size();
 }
 
-// What the stability policy has made of the forms stays.
-void keep_forms(const sim::Scene& from, sim::Scene& to) {
-  to.params<sim::NeoHookean>() = from.params<sim::NeoHookean>();
-  to.params<sim::Corotational>() = from.params<sim::Corotational>();
-}
-
 struct Flesh {  // around a point of the body at rest
   double radius;
   int vertices;
@@ -306,7 +300,7 @@ void World::take(Json changes, bool has_tool) {
     if (setting_ && !begins_anew) {
       next->scene.time.substeps =
           std::max(next->scene.time.substeps, setting_->scene.time.substeps);
-      keep_forms(setting_->scene, next->scene);
+      sim::keep_forms(setting_->scene, next->scene);
     }
     next->options = solver_choice(run_, model, next->scene).options;
     next->stability = sim::apply_policy(model, next->scene, next->options);

@@ -67,7 +67,7 @@ class SceneReader {
     expect_map(root, "scene");
     change_scene(root, changes, path_);
     check_keys(root, "",
-               {"scene", "materials", "effects", "schedule", "time", "rest", "stability",
+               {"scene", "materials", "effects", "element", "schedule", "time", "rest", "stability",
                 "accuracy_limit", "expect"});
     if (!root["scene"] || root["scene"].Scalar() != "1") {
       throw fail(root, "scene", "missing or another version",
@@ -75,6 +75,7 @@ class SceneReader {
     }
     read_materials(root["materials"]);
     read_effects(root["effects"]);
+    read_element(root["element"]);
     read_schedule(root["schedule"]);
     read_grid(root);
     read_stability(root["stability"]);
@@ -171,6 +172,24 @@ class SceneReader {
       if (!named.IsSequence()) return read_fields<Effect>(named, all.emplace_back());
       for (const auto& item : named) read_fields<Effect>(item, all.emplace_back());
     });
+  }
+
+  void read_element(const YAML::Node& node) {
+    if (!node) return;
+    const std::string word = node.IsScalar() ? node.Scalar() : "";
+    if (word == "linear") return;
+    if (word != "smoothed") {
+      throw fail(node, "element", word.empty() ? "not a word" : "'" + word + "'",
+                 "linear | smoothed");
+    }
+    auto& laws = file_.scene.params<sim::NeoHookean>();
+    if (laws.empty()) {
+      throw fail(node, "element", "smoothed, without effects.neo_hookean",
+                 "smoothed elements of neo_hookean; other laws have linear tets",
+                 "name effects.neo_hookean, or leave element out");
+    }
+    file_.scene.params<sim::SmoothedNeoHookean>().resize(laws.size());
+    laws.clear();
   }
 
   // Each change starts from what holds before it.

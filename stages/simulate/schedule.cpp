@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "sim/measures/balance.hpp"
+#include "sim/measures/stability.hpp"
 
 namespace viscera {
 
@@ -29,13 +30,10 @@ void Schedule::set(std::size_t setting, sim::Model& model, sim::Scene& scene) co
   for (std::size_t i = 0; i < model.materials.size(); ++i) {
     model.materials[i] = now.materials.at(model.label_names[i]);
   }
-  // These two have no parameters of the scene, but may have shared the tets between them
-  // (sim/measures/stability.hpp).
-  const auto neo_hookean = scene.params<sim::NeoHookean>();
-  const auto corotational = scene.params<sim::Corotational>();
-  scene.effects = now.effects;
-  scene.params<sim::NeoHookean>() = neo_hookean;
-  scene.params<sim::Corotational>() = corotational;
+  sim::Scene changed = scene;
+  changed.effects = now.effects;
+  sim::keep_forms(scene, changed);
+  scene = std::move(changed);
 }
 
 }  // namespace viscera

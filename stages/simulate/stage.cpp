@@ -148,8 +148,10 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
 
 // Linear tets that can hardly bend (sim/model/locking.hpp), said before the run. PBD knows no
 // material.
-void report_locking(StageRun& run, const sim::Model& model, const sim::SolverOptions& options) {
-  const bool is_linear = options.method != sim::Method::fem || options.fem.order == 1;
+void report_locking(StageRun& run, const sim::Model& model, const sim::Scene& scene,
+                    const sim::SolverOptions& options) {
+  const bool is_linear = (options.method != sim::Method::fem || options.fem.order == 1) &&
+                         !scene.has<sim::SmoothedNeoHookean>();
   if (!is_linear || options.method == sim::Method::pbd) return;
   const sim::Locking locking = sim::assess_locking(model);
   run.metric("locking_estimate", locking.loss);
@@ -158,7 +160,8 @@ void report_locking(StageRun& run, const sim::Model& model, const sim::SolverOpt
       "linear tets lock at nu {:.4g}: with cells of {:.2g} mm in a body about {:.2g} mm thick, "
       "deflections in bending may come out up to {:.0f} % too small (measured on bars against "
       "quadratic tets; less where the body is hardly bent)\n"
-      "  remedy:  solver: fem with fem_order: 2, nu of {} or less, or smaller cells",
+      "  remedy:  element: smoothed in the scene, solver: fem with fem_order: 2, nu of {} or less, "
+      "or smaller cells",
       locking.poisson_ratio, m_to_mm * locking.cell, m_to_mm * locking.thickness,
       100.0 * locking.loss, sim::locking_from_nu);
 }
@@ -260,7 +263,7 @@ void simulate(StageRun& run) {
   report_scheme(run, options, why);
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
   report_stability(run, stability, file.scene, asked_substeps, options.method);
-  report_locking(run, model, options);
+  report_locking(run, model, file.scene, options);
   report_solver_error(run, stability, file.scene, options.method);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
 

@@ -11,6 +11,7 @@
 #include "sim/measures/stability.hpp"
 #include "sim/scene/diagnostics.hpp"
 #include "tests/backend/host_blocks.hpp"
+#include "tests/backend/make_host_blocks.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -33,6 +34,21 @@ State after(Solver& solver, int frames) {
   for (int frame = 0; frame < frames; ++frame) solver.advance_frame();
   return solver.state();
 }
+
+// The tets of a body with the numbers of a substep of dt seconds.
+struct Tets {
+  Program<double> program;
+
+  Tets(const Model& model, double dt) : program(model, scene_of(dt)) {}
+  static Scene scene_of(double dt) {
+    Scene scene = elastic_scene();
+    scene.time = {.frame_s = dt, .substeps = 1, .order = 1};
+    return scene;
+  }
+  const Prepared<NeoHookean, double>& own() const {
+    return std::get<Effects::index_of<NeoHookean>()>(program.effects)[0];
+  }
+};
 
 // Blocks are of first order, and so is what they are compared with.
 Scene hanging_scene() {
@@ -358,6 +374,59 @@ TEST(Blocks, WhereRelaxingWouldSoftenTheBodyElementsAreEvaluatedAnew) {
   EXPECT_FALSE(same(model)) << "evaluated anew it would not bear this step";
 }
 
+// The mean over all elements of what relaxing takes from their stiffness decides.
+TEST(Blocks, ElementsAreLinearisedUpToTheLargestSofteningAndNotBeyond) {
+  const Model model = make_cube(1);  // of six tets, each of which counts
+  const auto softening = [&](double dt) {
+    const Tets tets(model, dt);
+    double lost = 0.0, total = 0.0;
+    for (std::size_t t = 0; t < model.tet_count(); ++t) {
+      double mobility[4];
+      for (int i = 0; i < 4; ++i) {
+        mobility[i] = dt * dt / model.mass[tets.own().vertices[t][i]];
+      }
+      const double kept = Eliminated<NeoHookean>::relaxation(tets.own().rest[t], mobility);
+      lost += model.volume[t] * (1.0 / kept - 1.0), total += model.volume[t];
+    }
+    return lost / total;
+  };
+  const auto step_with = [&](double target) {
+    double low = 1e-4, high = 1.0;
+    for (int k = 0; k < 100; ++k) {
+      const double middle = std::sqrt(low * high);
+      (softening(middle) < target ? low : high) = middle;
+    }
+    return low;
+  };
+  for (const double share : {0.98, 1.02}) {
+    const Tets tets(model, step_with(share * max_softening));
+    const BlockLayout layout(model, tets.program, 1000000, BlockTeam{32, 1000000});
+    EXPECT_EQ(layout.linearizes(tets.own(), tets.program, 0.0), share < 1.0) << share;
+  }
+}
+
+// Each contact has corrections of its own.
+TEST(Blocks, ABodyInACornerIsHeldByBothPlanesAsOnACpu) {
+  Material damped = soft_tissue;
+  damped.damping = 0.01;
+  const Model model = make_cube(3, damped);
+  Scene scene = drop_scene();
+  scene.time.substeps = 32;
+  scene.params<Ground>().front().clearance = 1e-3;
+  auto& wall = scene.params<Collider<Plane>>().emplace_back();
+  wall.point = model.origin + Vec3<double>{-0.026, 0.0, 0.0};
+  wall.normal = {1.0, 0.0, 0.0};
+  scene.params<Gravity>().front().direction = {-1.0, 0.0, -1.0};
+  HostBlocks<double> host(model, scene, tets_per_block, false);
+  const auto cpu = make_on_cpu(model, scene,
+                               {.scheme = Scheme::block_gauss_seidel,
+                                .precision = Precision::fp64,
+                                .block_tets = tets_per_block});
+  const State end = after(*cpu, 60);
+  EXPECT_LE(largest_difference(end, after(host, 60)), 1e-9 * model.size());
+  EXPECT_GT(cpu->contact_count(), 20u) << "both planes hold a face of 16 vertices";
+}
+
 // With the stiffness against a change of volume that Eliminated<NeoHookean>::stiffen gives each
 // tet.
 void stiffen(Model& model, double dt) {
@@ -453,4 +522,10 @@ TEST(Blocks, ADampedBodyOnTheGroundComesToRest) {
 }
 
 }  // namespace
+
+std::unique_ptr<Solver> make_host_blocks(const Model& model, const Scene& scene,
+                                         int tets_per_block) {
+  return std::make_unique<HostBlocks<double>>(model, scene, tets_per_block, true);
+}
+
 }  // namespace viscera::sim

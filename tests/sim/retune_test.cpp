@@ -171,6 +171,32 @@ TEST(Ensemble, TellsTheWorkOfItsFirstMemberHoweverManyThereAre) {
   EXPECT_EQ(members.substep_work().phases, 1);
 }
 
+// Damping that a retune makes too strong for an explicit force is solved for from then on.
+TEST(Damping, IsSolvedForFromTheRetuneOnThatNeedsIt) {
+  Material stiff = soft_tissue;
+  stiff.youngs_modulus = 264e3, stiff.damping = 1e-5;
+  Setting before(Method::xpbd);
+  before.model = make_box({0.06, 0.02, 0.02}, {6, 2, 2}, stiff);
+  before.scene.params<ShapeMatching>().clear(), before.scene.params<SelfContact>().clear();
+  before.scene.params<Prony>().clear();
+  Setting after = before;
+  for (Material& material : after.model.materials) material.damping = 0.05;
+  const auto retuned = make_on_cpu(before.model, before.scene, {});
+  const auto restarted = make_on_cpu(after.model, after.scene, {});
+  ASSERT_FALSE(retuned->solves_damping());
+  ASSERT_TRUE(restarted->solves_damping());
+  advance(*retuned, 3);
+  restarted->set_state(retuned->state());
+  retuned->retune(after.model, after.scene);
+  EXPECT_TRUE(retuned->solves_damping());
+  advance(*retuned, 3), advance(*restarted, 3);
+  EXPECT_TRUE(same_bits(retuned->state(), restarted->state()));
+  retuned->retune(before.model, before.scene);
+  EXPECT_FALSE(retuned->solves_damping());
+  advance(*retuned, 1);
+  EXPECT_TRUE(retuned->state().finite());
+}
+
 TEST(Ensemble, MembersOnACpuAreTheBodiesThatTuneMakes) {
   const Model model = make_cube(2);
   const Scene scene = drop_scene();

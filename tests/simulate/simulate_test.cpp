@@ -58,6 +58,43 @@ TEST_F(Simulate, EffectsActOnWhatTheSceneSelects) {
   EXPECT_NE(errors.find("effects.fibre.stiffness: missing"), std::string::npos) << errors;
 }
 
+TEST_F(Simulate, OneWordGivesSmoothedElementsToEverySolver) {
+  const std::string smoothed =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}") +
+      "element: smoothed\n";
+  const auto sag = [&] {
+    const TrajectoryReader reader(path("out") / "trajectory.h5");
+    const auto last = reader.positions_mm(reader.times_s().size() - 1);
+    double lowest = 1e9;
+    for (std::size_t i = 2; i < last.size(); i += 3) lowest = std::min<double>(lowest, last[i]);
+    return lowest;
+  };
+  ASSERT_EQ(run(with(smoothed, "element: smoothed", "element: linear")), 0) << errors;
+  const double linear = sag();
+  ASSERT_EQ(run(smoothed), 0) << errors;
+  const double by_xpbd = sag();
+  EXPECT_LT(by_xpbd, linear - 0.05) << "mm: it gives way more";
+  const Json on = metric("effects_on");
+  EXPECT_EQ(std::count(on.begin(), on.end(), "smoothed_neo_hookean"), 1);
+  EXPECT_EQ(std::count(on.begin(), on.end(), "neo_hookean"), 0);
+  ASSERT_EQ(run(smoothed, {"--set", "solver=fem", "--set", "fem_time=quasi_static"}), 0) << errors;
+  EXPECT_NEAR(sag(), by_xpbd, 0.02);
+  EXPECT_EQ(run(smoothed,
+                {"--set", "solver=fem", "--set", "fem_time=quasi_static", "--set", "fem_order=2"}),
+            3);
+  EXPECT_NE(errors.find("effects.smoothed_neo_hookean"), std::string::npos) << errors;
+  EXPECT_EQ(run(smoothed, {"--set", "solver=pbd"}), 3);
+  EXPECT_NE(errors.find("effects.smoothed_neo_hookean"), std::string::npos) << errors;
+}
+
+// The policy's other form takes the tets above the limit out of their domains.
+TEST_F(Simulate, SmoothedElementsLeaveTetsToTheOtherForm) {
+  const std::string stiff =
+      with(drop_scene, "E: 5 kPa", "E: 1 MPa") + "element: smoothed\nstability: form\n";
+  EXPECT_EQ(run(stiff, {"--set", "end=0.1s"}), 0) << errors;
+  EXPECT_GT(metric("stability_switched_tets").get<int>(), 0);
+}
+
 TEST_F(Simulate, EqualRunsGiveEqualFilesWhateverTheThreads) {
   ASSERT_EQ(run(drop_scene, {"--set", "end=0.3s", "--set", "threads=1"}, "out"), 0) << errors;
   ASSERT_EQ(run(drop_scene, {"--set", "end=0.3s", "--set", "threads=2"}, "again"), 0) << errors;
@@ -72,6 +109,10 @@ TEST_F(Simulate, BadScenesAreRefusedAtTheirLineWithTheFieldNamedAndNothingWritte
     std::string scene, place, says;
   } cases[] = {
       {with(s, "E: 5 kPa", "E: -5 kPa"), "scene.yaml:3:", "materials.liver.E"},
+      {s + "element: quadratic\n", "scene.yaml:13:", "linear | smoothed"},
+      {s + "element: [smoothed]\n", "scene.yaml:13:", "not a word"},
+      {with(s, "neo_hookean", "stvk") + "element: smoothed\n",
+       "scene.yaml:13:", "smoothed, without effects.neo_hookean"},
       {with(s, "nu: 0.45", "nu: 0.5"), "scene.yaml:3:", "materials.liver.nu"},
       {with(s, "E: 5 kPa", "E: 5"), "scene.yaml:3:", "has no unit"},
       {with(s, "E: 5 kPa", "E: 5 mm"), "scene.yaml:3:", "is a length, not a pressure"},

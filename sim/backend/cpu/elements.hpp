@@ -106,7 +106,7 @@ struct CpuElements {
     return {slots_.data() + slots_begin_[vertex], slots_.data() + slots_begin_[vertex + 1]};
   }
 
-  // Appends what every element remembers, in the order of the elements.
+  // Appends the history of every element, in the order of the elements.
   void save_history(std::vector<double>& all) const {
     save<Packed::history_size>(packed.history, all);
   }
@@ -257,10 +257,10 @@ struct CpuElements {
 template <class T>
 class VertexReplicas {
  public:
-  // With `carries` false they begin every sweep where their vertex is.
-  VertexReplicas(const SplitVertices& split, bool carries)
+  // With `has_duals` false they begin every sweep where their vertex is.
+  VertexReplicas(const SplitVertices& split, bool has_duals)
       : split_(split),
-        carries_(carries),
+        has_duals_(has_duals),
         u_(split.count()),
         d_(split.count()),
         duals_(split.count()) {}
@@ -310,7 +310,7 @@ class VertexReplicas {
       Vec3<T> mean;
       for (const int replica : replicas) mean += moved(replica);
       mean = (T(1) / static_cast<T>(replicas.size())) * mean;
-      if (carries_) {
+      if (has_duals_) {
         for (const int replica : replicas)
           duals_[replica] = next_dual(duals_[replica], moved(replica), mean);
       }
@@ -325,7 +325,7 @@ class VertexReplicas {
   bool is_alone(int vertex) const { return split_.replicas_of(vertex).size() == 1; }
 
   const SplitVertices& split_;
-  bool carries_;
+  bool has_duals_;
   std::vector<Row<T>> u_, d_;
   std::vector<Vec3<T>> duals_;  // [replicas] m
 };

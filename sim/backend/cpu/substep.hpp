@@ -77,8 +77,8 @@ struct CpuBody {
     const std::vector<Vec3<double>> still(n);
     last = program.added_before({still, still});
     // Multipliers of several iterations, and the projections of PBD, are no forces to carry on.
-    const bool carries = arithmetic_of(options, 0) == Arithmetic::xpbd_only;
-    if (layout.blocks) replicas.emplace(layout.blocks->split(), carries);
+    const bool has_duals = arithmetic_of(options, 0) == Arithmetic::xpbd_only;
+    if (layout.blocks) replicas.emplace(layout.blocks->split(), has_duals);
   }
 
   void prepare_damping() {

@@ -18,6 +18,8 @@ namespace viscera::sim {
 // room in the instruction cache.
 inline constexpr EffectSet tissue = effect_set<Gravity, Fixed, NeoHookean, Ground>;
 inline constexpr EffectSet damped_tissue = tissue | effect_set<Viscosity, Prescribed>;
+// All but what is refused in blocks on a device (what_cuda_lacks.cpp).
+inline constexpr EffectSet any_in_blocks = all_effects & ~effect_set<SmoothedNeoHookean>;
 // With a hand and its ball: the live simulator's.
 inline constexpr EffectSet held_tissue = damped_tissue | effect_set<Grip, Collider<Sphere>>;
 
@@ -54,7 +56,7 @@ struct Frame {
   int blocks;        // of a member
   int first_member;  // of the grid
   int contacts;      // contact effects named
-  int max_locals, max_shared, max_copies, max_carried, max_gathered, max_table;  // of a block
+  int max_locals, max_shared, max_replicas, max_duals, max_gathered, max_table;  // of a block
   int team;                                                                      // lanes that sweep
   bool linearizes;    // elements before a sweep, side by side: where a phase costs its latency
   bool single_block;  // a block is a whole body
@@ -356,9 +358,9 @@ struct BlockMemory {
   }
   __host__ __device__ BlockMemory(unsigned char* at, const Frame<T>& frame) {
     const std::size_t locals = frame.max_locals;
-    u = take<Row<T>>(at, frame.max_copies);
-    d = take<Row<T>>(at, frame.max_copies);
-    duals = take<Vec3<T>>(at, frame.max_carried);
+    u = take<Row<T>>(at, frame.max_replicas);
+    d = take<Row<T>>(at, frame.max_replicas);
+    duals = take<Vec3<T>>(at, frame.max_duals);
     v = take<Vec3<T>>(at, frame.single_block ? 0 : locals);
     corrections = take<Vec3<T>>(at, frame.contacts * locals);
     share = take<T>(at, locals);
@@ -464,7 +466,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     now.for_each_replica([&](int replica) {
       x.u[replica] = now.u;
       x.d[replica].w = mobility;
-      if (now.has_replicas()) x.duals[replica] = duals[replica];
+      if (now.is_replicated()) x.duals[replica] = duals[replica];
     });
     begin_local<set>(scene, step_at(0), x, i, now);
   }
@@ -493,7 +495,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
       const int i = vertex_at(k);
       VertexNow<T> now(x, i);
       Vec3<T> sum;
-      if (now.has_replicas()) sum = sum_of_replicas(scene, x, now);
+      if (now.is_replicated()) sum = sum_of_replicas(scene, x, now);
       if (i < shared_count) {
         sum = gathered(messages, own.from + own.from_begin[i], own.from + own.from_begin[i + 1],
                        first + i, sum, exchange);
@@ -509,7 +511,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     const VertexNow<T> now(x, i);
     u[i] = now.u.v;
     v[i] = now.v;
-    if (now.has_replicas()) {
+    if (now.is_replicated()) {
       now.for_each_replica([&](int replica) { duals[replica] = x.duals[replica]; });
     }
     for (int contact = 0; contact < frame.contacts; ++contact) {
@@ -550,11 +552,11 @@ inline constexpr std::array kernel_variants<float>{variant<float, tissue, min_wi
                                                    variant<float, held_tissue, min_width>(),
                                                    variant<float, held_tissue, usual_width>(),
                                                    variant<float, held_tissue, max_width>(),
-                                                   variant<float, all_effects, min_width>()};
+                                                   variant<float, any_in_blocks, min_width>()};
 template <>
 inline constexpr std::array kernel_variants<double>{
     variant<double, tissue, min_width>(), variant<double, damped_tissue, min_width>(),
-    variant<double, held_tissue, min_width>(), variant<double, all_effects, min_width>()};
+    variant<double, held_tissue, min_width>(), variant<double, any_in_blocks, min_width>()};
 
 template <class T>
 auto kernel_for(EffectSet named, int threads, bool single_block) {
@@ -563,7 +565,8 @@ auto kernel_for(EffectSet named, int threads, bool single_block) {
            single_block == one.single_block;
   };
   const auto found = std::find_if(kernel_variants<T>.begin(), kernel_variants<T>.end(), fits);
-  return found == kernel_variants<T>.end() ? nullptr : found->kernel;
+  VISCERA_ASSERT(found != kernel_variants<T>.end(), "no kernel of " << threads << " threads");
+  return found->kernel;
 }
 template <class T>
 bool has_several_widths(EffectSet named) {

@@ -14,7 +14,7 @@ namespace viscera::sim {
 
 // nvcc must take an effect for what the host's compiler takes it for. Where it did not, blocks on a
 // device were solved by another method than on the host, with a larger error at rest.
-static_assert(is_eliminated<NeoHookean> && is_linearizable<NeoHookean> &&
+static_assert(is_linearized_apart<NeoHookean> && is_linearizable<NeoHookean> &&
               has_reference<NeoHookean>);
 static_assert(is_steered<Grip> && is_steered<Collider<Sphere>> && !is_steered<Gravity>);
 static_assert(can_stop<Collider<Sphere>, double> && is_rate_force<Viscosity> &&
@@ -296,9 +296,9 @@ class CudaBlocks final : public Ensemble {
       shared_end.push_back(layout_.shared_in(block).end);
       raise(frame_.max_locals, locals.end - locals.begin);
       raise(frame_.max_shared, shared_end.back() - locals.begin);
-      raise(frame_.max_copies, replicas_here.end - replicas_here.begin);
+      raise(frame_.max_replicas, replicas_here.end - replicas_here.begin);
       replicated.push_back(layout_.replicated_in(block).end - replicas_here.begin);
-      raise(frame_.max_carried, replicated.back());
+      raise(frame_.max_duals, replicated.back());
       raise(frame_.max_gathered, gather_begin[locals.end] - gather_begin[locals.begin]);
     }
     const std::size_t all = static_cast<std::size_t>(members_) * local_count();

@@ -160,7 +160,7 @@ __global__ void __launch_bounds__(bound_threads)
     const auto push = [](MovingTet<T>& tet) { return tet.push(); };
     const auto halt = [](MovingTet<T>& tet) { return tet.halt(); };
     const auto would = [](const auto& correct) {
-      return [correct](MovingTet<T> replica) { return correct(replica); };
+      return [correct](MovingTet<T> own) { return correct(own); };
     };
     moved = repeat_over_watched(view, watched, VolumeBound::pushes, would(push), push);
     moved = repeat_over_watched(view, watched, VolumeBound::halts, would(halt), halt) || moved;

@@ -22,6 +22,15 @@
 
 namespace viscera::sim {
 
+// The pair of constraints on an element of any shape, of which the law knows
+//   Rest<T>                         deviatoric and hydrostatic, k_D and k_H, J; mu_over_lambda
+//   gradient(rest, u, d)            H
+//   scatter(s, P, rest, g)          g_i = s P grad N_i
+template <class Element, class T, int arity = Element::arity>
+SIM_HD void evaluate_neo_hookean(const typename Element::template Rest<T>& rest,
+                                 const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity],
+                                 Evaluation<T, 2, arity>& out);
+
 struct NeoHookean {
   static constexpr const char* name = "neo_hookean";
   static constexpr const char* doc = "elastic tissue with each label's E and nu";
@@ -65,22 +74,19 @@ struct NeoHookean {
   }
 
   template <class T>
-  SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> u[4], const Vec3<T> d[4],
+  SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> (&u)[4], const Vec3<T> (&d)[4],
                               Evaluation<T, rows, arity>& out) {
-    const Mat3<T> h = displacement_gradient(u, d, rest.rest_inverse);
-    const Mat3<T> cof_minus_i = cofactor_strain(h);
-    const Mat3<T> f = plus_identity(T(1), h);
-    const T norm_f = square_root(squared_norm(f));
-    const T j_minus_1 = volume_strain(h);
-    out.value[0] = norm_f;
-    out.value[1] = j_minus_1 - rest.mu_over_lambda;
-    out.remainder[0] = T(0);
-    out.remainder[1] = j_minus_1;
-    out.stiffness[0] = rest.deviatoric;
-    out.stiffness[1] = rest.hydrostatic;
-    scatter(select(norm_f > T(0), T(1) / norm_f, T(0)), f, rest.rest_inverse, out.gradient[0]);
-    scatter(T(1), plus_identity(T(1), cof_minus_i), rest.rest_inverse, out.gradient[1]);
-    scatter(-rest.deviatoric, h - cof_minus_i, rest.rest_inverse, out.preload);
+    evaluate_neo_hookean<NeoHookean>(rest, u, d, out);
+  }
+
+  template <class T>
+  SIM_HD static Mat3<T> gradient(const Rest<T>& rest, const Vec3<T> (&u)[4],
+                                 const Vec3<T> (&d)[4]) {
+    return displacement_gradient(u, d, rest.rest_inverse);
+  }
+  template <class T>
+  SIM_HD static void scatter(T s, const Mat3<T>& p, const Rest<T>& rest, Vec3<T> (&g)[4]) {
+    scatter(s, p, rest.rest_inverse, g);
   }
 
   static double explicit_modulus(const Material& material, const Params&) {
@@ -129,5 +135,25 @@ struct NeoHookean {
     return energy_density(model.material(tet), h) * model.volume[tet];
   }
 };
+
+template <class Element, class T, int arity>
+SIM_HD void evaluate_neo_hookean(const typename Element::template Rest<T>& rest,
+                                 const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity],
+                                 Evaluation<T, 2, arity>& out) {
+  const Mat3<T> h = Element::gradient(rest, u, d);
+  const Mat3<T> cof_minus_i = NeoHookean::cofactor_strain(h);
+  const Mat3<T> f = plus_identity(T(1), h);
+  const T norm_f = square_root(squared_norm(f));
+  const T j_minus_1 = NeoHookean::volume_strain(h);
+  out.value[0] = norm_f;
+  out.value[1] = j_minus_1 - rest.mu_over_lambda;
+  out.remainder[0] = T(0);
+  out.remainder[1] = j_minus_1;
+  out.stiffness[0] = rest.deviatoric;
+  out.stiffness[1] = rest.hydrostatic;
+  Element::scatter(select(norm_f > T(0), T(1) / norm_f, T(0)), f, rest, out.gradient[0]);
+  Element::scatter(T(1), plus_identity(T(1), cof_minus_i), rest, out.gradient[1]);
+  Element::scatter(-rest.deviatoric, h - cof_minus_i, rest, out.preload);
+}
 
 }  // namespace viscera::sim

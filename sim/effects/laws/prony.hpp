@@ -3,10 +3,10 @@
 //
 //   S = 2 mu g dev(E - E_v),   dE_v/dt = (E - E_v) / tau
 //
-// with E Green's strain and E_v the viscous strain that the branch remembers (generalised Maxwell
-// solid: Simo and Hughes, "Computational Inelasticity", 1998, sections 10.2 and 10.3, in strains
-// instead of stresses). A strain that is held relaxes as 2 mu g exp(-t/tau). mu is the label's: it
-// is the modulus of slow motion, and the label's mu (1 + sum g) that of fast motion.
+// with E Green's strain and E_v the viscous strain that is the branch's history (generalised
+// Maxwell solid: Simo and Hughes, "Computational Inelasticity", 1998, sections 10.2 and 10.3, in
+// strains instead of stresses). A strain that is held relaxes as 2 mu g exp(-t/tau). mu is the
+// label's: it is the modulus of slow motion, and the label's mu (1 + sum g) that of fast motion.
 //
 // The five deviatoric coordinates of E - E_v (hookean.hpp) are constraints with k = 2 mu g V; E_v
 // follows at the start of every substep, exactly for a strain that is constant over it:

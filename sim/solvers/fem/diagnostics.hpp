@@ -9,8 +9,8 @@
 namespace viscera::sim {
 
 template <int n>
-void add_fem_element(const Model& model, const Scene& scene, const FemTet<n>& tet, std::size_t t,
-                     const NodeField& u, ElementSums& sum) {
+void add_fem_element(const Model& model, const Scene& scene, const FemElement<n>& tet,
+                     std::size_t t, const NodeField& u, ElementSums& sum) {
   const auto& laws = scene.params<NeoHookean>();
   const double lambda = lame(model.material(t)).neo_hookean_lambda();
   bool inverted = false;
@@ -21,7 +21,7 @@ void add_fem_element(const Model& model, const Scene& scene, const FemTet<n>& te
     sum.min_j = std::min(sum.min_j, j);
     sum.volume += j * point.volume;
     sum.rest_volume += point.volume;
-    sum.elastic += point.volume / model.volume[t] * elastic_energy(model, scene, t, h);
+    sum.elastic += point.volume / model.volume[t] * elastic_energy_of_tet(model, scene, t, h);
     if (is_open(j)) {
       sum.elastic +=
           static_cast<double>(laws.size()) * point.volume * VolumeBarrier::at(lambda, j).energy;
@@ -41,13 +41,14 @@ inline Diagnostics fem_diagnostics(const FemMesh& mesh, const Model& model, cons
       weight[it.row()] += it.value();
     }
   }
-  const auto sums = [&]<int n>(const std::vector<FemTet<n>>& tets) {
+  const auto sums = [&]<int n>(const std::vector<FemElement<n>>& tets) {
     return sum_over_elements(tets.size(), [&](std::size_t t, ElementSums& sum) {
       add_fem_element(model, scene, tets[t], t, u, sum);
     });
   };
-  return diagnostics_of(scene, mesh.order == 1 ? sums(mesh.linear) : sums(mesh.quadratic),
-                        {u, v, momentum, weight});
+  ElementSums all = mesh.order == 1 ? sums(mesh.linear) : sums(mesh.quadratic);
+  all.elastic += smoothed_energy(model, scene, u);
+  return diagnostics_of(scene, all, {u, v, momentum, weight});
 }
 
 }  // namespace viscera::sim

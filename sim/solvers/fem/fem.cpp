@@ -57,17 +57,20 @@ constexpr bool loses_stiffness = [] {
 
 // The finite elements have no limit of stability, and so no need of another form.
 const Scene& checked(const Scene& scene) {
-  for (const auto& params : scene.params<NeoHookean>()) {
-    if (!params.taken.empty()) {
-      refuse("stability", "form, with tets that another law has", "neo_hookean on every tet",
-             "apply the policy for this solver");
+  const auto check = [](const auto& laws) {
+    for (const auto& params : laws) {
+      if (!params.taken.empty()) {
+        refuse("stability", "form, with tets that another law has", "neo_hookean on every tet",
+               "apply the policy for this solver");
+      }
     }
-  }
+  };
+  check(scene.params<NeoHookean>()), check(scene.params<SmoothedNeoHookean>());
   return scene;
 }
 
 // Whether a tet of order 1 is inside out.
-bool is_inverted(const FemTet<4>& tet, const NodeField& u) {
+bool is_inverted(const FemElement<4>& tet, const NodeField& u) {
   return 1.0 + NeoHookean::volume_strain(gradient_at<4>(tet.nodes, tet.points[0], u)) <= 0.0;
 }
 
@@ -92,6 +95,10 @@ class FemSolver final : public Solver {
     weight_ = free_masses(mesh_, system_);
     begin_anew();
     take_stiffness(model);
+    for (const auto& law : scene.params<SmoothedNeoHookean>()) {
+      domains_ = SmoothedNeoHookean::domains(model, law);
+    }
+    if (domains_) mesh_.take(*domains_);
     auto mass = std::make_unique<MassTerm>(mesh_.mass);
     mass_ = mass.get();
     terms_.push_back(std::move(mass));
@@ -244,11 +251,18 @@ class FemSolver final : public Solver {
       } else {
         terms_.push_back(std::make_unique<NeoHookeanTerm<10>>(model, mesh_));
       }
-    } else {
-      if (mesh_.order != 1 && Effect::arity > 1) {
-        refuse((std::string("effects.") + Effect::name).c_str(), "quadratic tets",
-               "neo_hookean and effects of single nodes", "use fem.order 1");
-      }
+      return;
+    }
+    if (mesh_.order != 1 && Effect::arity > 1) {
+      refuse((std::string("effects.") + Effect::name).c_str(), "quadratic tets",
+             "neo_hookean and effects of single nodes", "use fem.order 1");
+    }
+    if constexpr (std::is_same_v<Effect, SmoothedNeoHookean>) {
+      terms_.push_back(std::make_unique<NeoHookeanTerm<Effect::arity>>(
+          model, mesh_, [all = domains_](const Model& now, std::size_t e) {
+            return SmoothedNeoHookean::lame_of(now, *all, e);
+          }));
+    } else if constexpr (!std::is_same_v<Effect, NeoHookean>) {
       terms_.push_back(std::make_unique<EffectTerm<Effect>>(effect, program_.dt));
     }
   }
@@ -453,6 +467,7 @@ class FemSolver final : public Solver {
   const FemOptions options_;
   const bool is_smooth_;  // steps are of second order
   FemMesh mesh_;
+  std::shared_ptr<const EdgeDomains> domains_;  // of smoothed elements; null: there are none
   Program<double> program_;
   FemSystem system_;
   std::vector<double> elastic_, stiffness_, penalty_;  // [nodes] N/m; the second with inertia

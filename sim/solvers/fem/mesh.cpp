@@ -61,6 +61,12 @@ int FemMesh::midside(const Model& model, int a, int b) {
   return found->second;
 }
 
+void FemMesh::take(const EdgeDomains& domains) {
+  for (std::size_t e = 0; e < domains.size(); ++e) {
+    smoothed.push_back({domains[e], {{{domains.gradient[e], domains.volume[e]}}}});
+  }
+}
+
 FemMesh::FemMesh(const Model& model, int the_order)
     : order(the_order), rest(model.rest), fixed(model.fixed) {
   std::vector<Eigen::Triplet<double>> masses;
@@ -74,7 +80,7 @@ FemMesh::FemMesh(const Model& model, int the_order)
     }
   } else {
     for (std::size_t t = 0; t < model.tet_count(); ++t) {
-      FemTet<10> tet;
+      FemElement<10> tet;
       std::copy(model.tets[t].begin(), model.tets[t].end(), tet.nodes.begin());
       for (int e = 0; e < 6; ++e) {
         tet.nodes[4 + e] = midside(model, model.tets[t][edges[e][0]], model.tets[t][edges[e][1]]);

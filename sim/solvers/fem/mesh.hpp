@@ -5,20 +5,22 @@
 
 #include <Eigen/SparseCore>
 
+#include "sim/model/edge_domains.hpp"
 #include "sim/model/model.hpp"
 
 namespace viscera::sim {
 
-// One quadrature point of a tet of n nodes.
+// One quadrature point of an element of n nodes.
 template <int n>
 struct QuadraturePoint {
   std::array<Vec3<double>, n> gradient;  // of the shape functions at rest, 1/m
   double volume;                         // its share of the rest volume, m3
 };
 
+// A tet of 4 or 10 nodes, or a smoothed element (model/edge_domains.hpp).
 template <int n>
-struct FemTet {
-  static constexpr int point_count = n == 4 ? 1 : 4;  // exact for the products of the gradients
+struct FemElement {
+  static constexpr int point_count = n == 10 ? 4 : 1;  // exact for the products of the gradients
   std::array<int, n> nodes;
   std::array<QuadraturePoint<n>, point_count> points;
 };
@@ -44,19 +46,24 @@ struct FemMesh {
   std::vector<char> fixed;                     // [nodes]
   std::vector<std::array<int, 2>> parents;     // [nodes - vertices] the ends of the edge
   std::map<std::array<int, 2>, int> midsides;  // the node on each edge
-  std::vector<FemTet<4>> linear;               // [tets] if of order 1
-  std::vector<FemTet<10>> quadratic;           // [tets] if of order 2
-  Eigen::SparseMatrix<double> mass;            // [nodes x nodes] kg
+  std::vector<FemElement<4>> linear;           // [tets] if of order 1
+  std::vector<FemElement<10>> quadratic;       // [tets] if of order 2
+  std::vector<FemElement<EdgeDomains::max_vertices>> smoothed;  // [domains] where they are taken
+  Eigen::SparseMatrix<double> mass;                             // [nodes x nodes] kg
 
   FemMesh(const Model& model, int order);
   std::size_t node_count() const { return rest.size(); }
 
+  void take(const EdgeDomains& domains);
+
   template <int n>
-  const std::vector<FemTet<n>>& tets() const {
+  const std::vector<FemElement<n>>& elements() const {
     if constexpr (n == 4) {
       return linear;
-    } else {
+    } else if constexpr (n == 10) {
       return quadratic;
+    } else {
+      return smoothed;
     }
   }
 

@@ -1,7 +1,7 @@
-// The Neo-Hookean energy of effects/laws/neo_hookean.hpp on linear and quadratic tets, with the
-// barrier b(J) of effects/laws/volume_barrier.hpp and the exact tangent of both in closed form.
-// With b_i the gradient of node i's shape function, c_i = cof(F) b_i and s = lambda (J - 1) - mu +
-// b'(J), the derivatives by the positions x_i, x_j are, per rest volume,
+// The Neo-Hookean energy of effects/laws/neo_hookean.hpp on linear and quadratic tets and on
+// smoothed elements, with the barrier b(J) of effects/laws/volume_barrier.hpp and the exact tangent
+// of both in closed form. With b_i the gradient of node i's shape function, c_i = cof(F) b_i and s
+// = lambda (J - 1) - mu + b'(J), the derivatives by the positions x_i, x_j are, per rest volume,
 //
 //   dPsi/dx_i       = P b_i,   P = mu (F - cof F) + (lambda (J - 1) + b'(J)) cof F
 //   d2Psi/dx_i dx_j = mu (b_i . b_j) I + (lambda + b''(J)) c_i c_j^T + s X(F (b_i x b_j)),
@@ -21,7 +21,9 @@
 // step begins with no point below VolumeBound::watched.
 #pragma once
 
+#include <functional>
 #include <limits>
+#include <utility>
 
 #include "sim/effects/laws/neo_hookean.hpp"
 #include "sim/effects/laws/volume_barrier.hpp"
@@ -87,32 +89,39 @@ Eigen::Matrix<double, 3 * n, 3 * n> definite_neo_hookean_tangent(
 template <int n>
 class NeoHookeanTerm final : public FemTerm {
  public:
-  NeoHookeanTerm(const Model& model, const FemMesh& mesh)
-      : tets_(mesh.tets<n>()), lame_(tets_.size()), guarded_(tets_.size()) {
+  using LameOf = std::function<Lame(const Model&, std::size_t)>;  // of an element
+
+  NeoHookeanTerm(const Model& model, const FemMesh& mesh, LameOf lame_of = of_tet)
+      : elements_(mesh.elements<n>()),
+        lame_of_(std::move(lame_of)),
+        lame_(elements_.size()),
+        guarded_(elements_.size()) {
     retune(model);
   }
   void retune(const Model& model) override {
-    for (std::size_t t = 0; t < lame_.size(); ++t) lame_[t] = lame(model.material(t));
+    for (std::size_t e = 0; e < lame_.size(); ++e) lame_[e] = lame_of_(model, e);
   }
 
   void connect(FemSystem& system) override {
-    for (const auto& tet : tets_) system.connect(tet.nodes);
+    for (const auto& element : elements_) system.connect(element.nodes);
   }
   void take_places(const FemSystem& system) override {
-    for (const auto& tet : tets_) {
-      places_.push_back(system.places_of<n>(tet.nodes));
-      moves_.push_back(std::ranges::any_of(tet.nodes, [&](int i) { return system.is_free(i); }));
+    for (const auto& element : elements_) {
+      places_.push_back(system.places_of<n>(element.nodes));
+      moves_.push_back(
+          std::ranges::any_of(element.nodes, [&](int i) { return system.is_free(i); }));
     }
   }
 
-  // A tet of which every node is led has no say in where they go.
+  // An element of which every node is led has no say in where they go.
   void begin_step(const FemFields& fields) override {
     std::size_t watched = 0, closed = 0;
-    for (std::size_t t = 0; t < tets_.size(); ++t) {
+    for (std::size_t e = 0; e < elements_.size(); ++e) {
       for (int p = 0; p < point_count; ++p) {
-        const Mat3<double> h = gradient_at<n>(tets_[t].nodes, tets_[t].points[p], fields.start);
+        const Mat3<double> h =
+            gradient_at<n>(elements_[e].nodes, elements_[e].points[p], fields.start);
         const double j = 1.0 + NeoHookean::volume_strain(h);
-        guarded_[t][p] = moves_[t] && is_open(j);
+        guarded_[e][p] = moves_[e] && is_open(j);
         watched += j < VolumeBound::watched;
         closed += !is_open(j);
       }
@@ -129,12 +138,12 @@ class NeoHookeanTerm final : public FemTerm {
   double longest_step(const FemFields& fields, const NodeField& step) const override {
     constexpr double kept = 0.1;
     double length = 1.0;
-    for (std::size_t t = 0; t < tets_.size(); ++t) {
+    for (std::size_t e = 0; e < elements_.size(); ++e) {
       for (int p = 0; p < point_count; ++p) {
-        if (!guarded_[t][p]) continue;
-        const auto& point = tets_[t].points[p];
-        const Mat3<double> h = gradient(fields, tets_[t].nodes, point);
-        const Mat3<double> change = gradient_at<n>(tets_[t].nodes, point, step);
+        if (!guarded_[e][p]) continue;
+        const auto& point = elements_[e].points[p];
+        const Mat3<double> h = gradient(fields, elements_[e].nodes, point);
+        const Mat3<double> change = gradient_at<n>(elements_[e].nodes, point, step);
         const double least = kept * (1.0 + NeoHookean::volume_strain(h));
         const auto j_after = [&] {
           Mat3<double> after = h;
@@ -148,14 +157,14 @@ class NeoHookeanTerm final : public FemTerm {
   }
 
   void add_forces(const FemFields& fields, FemForces& forces) const override {
-    for (std::size_t t = 0; t < tets_.size(); ++t) {
-      const double mu = lame_[t].mu, lambda = lame_[t].neo_hookean_lambda();
+    for (std::size_t e = 0; e < elements_.size(); ++e) {
+      const double mu = lame_[e].mu, lambda = lame_[e].neo_hookean_lambda();
       Vec3<double> force[n];
       for (int p = 0; p < point_count; ++p) {
-        const auto& point = tets_[t].points[p];
-        const Mat3<double> h = gradient(fields, tets_[t].nodes, point);
+        const auto& point = elements_[e].points[p];
+        const Mat3<double> h = gradient(fields, elements_[e].nodes, point);
         const double j1 = NeoHookean::volume_strain(h);
-        const VolumeBarrier::Value<double> barrier = barrier_at(t, p, j1);
+        const VolumeBarrier::Value<double> barrier = barrier_at(e, p, j1);
         const Mat3<double> cof_minus_i = NeoHookean::cofactor_strain(h);
         const Mat3<double> shear = h - cof_minus_i, cof = plus_identity(1.0, cof_minus_i);
         const double pressure = lambda * j1 + barrier.slope;
@@ -164,30 +173,32 @@ class NeoHookeanTerm final : public FemTerm {
           force[i] -= point.volume * (mu * (shear * b) + pressure * (cof * b));
         }
         forces.add_energy(point.volume *
-                          (NeoHookean::energy_density(lame_[t], h) + barrier.energy));
+                          (NeoHookean::energy_density(lame_[e], h) + barrier.energy));
       }
-      for (int i = 0; i < n; ++i) forces.add(tets_[t].nodes[i], force[i]);
+      for (int i = 0; i < n; ++i) forces.add(elements_[e].nodes[i], force[i]);
     }
   }
 
   void add_tangent(const FemFields& fields, Tangent kind, FemSystem& system) const override {
-    for (std::size_t t = 0; t < tets_.size(); ++t) {
+    for (std::size_t e = 0; e < elements_.size(); ++e) {
       Eigen::Matrix<double, 3 * n, 3 * n> k = Eigen::Matrix<double, 3 * n, 3 * n>::Zero();
       for (int p = 0; p < point_count; ++p) {
-        const auto& point = tets_[t].points[p];
-        const Mat3<double> h = gradient(fields, tets_[t].nodes, point);
-        const auto barrier = barrier_at(t, p, NeoHookean::volume_strain(h));
+        const auto& point = elements_[e].points[p];
+        const Mat3<double> h = gradient(fields, elements_[e].nodes, point);
+        const auto barrier = barrier_at(e, p, NeoHookean::volume_strain(h));
         k += point.volume *
              (kind == Tangent::exact
-                  ? neo_hookean_tangent<n>(lame_[t], h, point.gradient, barrier)
-                  : definite_neo_hookean_tangent<n>(lame_[t], h, point.gradient, barrier));
+                  ? neo_hookean_tangent<n>(lame_[e], h, point.gradient, barrier)
+                  : definite_neo_hookean_tangent<n>(lame_[e], h, point.gradient, barrier));
       }
-      system.add<n>(tets_[t].nodes, places_[t], k);
+      system.add<n>(elements_[e].nodes, places_[e], k);
     }
   }
 
  private:
-  static constexpr int point_count = FemTet<n>::point_count;
+  static constexpr int point_count = FemElement<n>::point_count;
+
+  static Lame of_tet(const Model& model, std::size_t tet) { return lame(model.material(tet)); }
 
   static Mat3<double> gradient(const FemFields& fields, const std::array<int, n>& nodes,
                                const QuadraturePoint<n>& point) {
@@ -196,17 +207,18 @@ class NeoHookeanTerm final : public FemTerm {
     for (int i = 0; i < 3; ++i) h.col[i] += more.col[i];
     return h;
   }
-  VolumeBarrier::Value<double> barrier_at(std::size_t t, int p, double j_minus_1) const {
-    if (!guarded_[t][p]) return {};
+  VolumeBarrier::Value<double> barrier_at(std::size_t e, int p, double j_minus_1) const {
+    if (!guarded_[e][p]) return {};
     if (j_minus_1 <= -1.0) return {.energy = std::numeric_limits<double>::infinity()};
-    return VolumeBarrier::at(lame_[t].neo_hookean_lambda(), 1.0 + j_minus_1);
+    return VolumeBarrier::at(lame_[e].neo_hookean_lambda(), 1.0 + j_minus_1);
   }
 
-  const std::vector<FemTet<n>>& tets_;
+  const std::vector<FemElement<n>>& elements_;
+  LameOf lame_of_;
   std::vector<Lame> lame_;
-  std::vector<std::array<char, point_count>> guarded_;  // [tets] each point's, over this step
+  std::vector<std::array<char, point_count>> guarded_;  // [elements] each point's, over this step
   bool guards_ = true, first_ = true;  // whether any is; the next step is the first
-  std::vector<char> moves_;            // [tets] whether a node of it is free
+  std::vector<char> moves_;            // [elements] whether a node of it is free
   std::vector<FemSystem::Places<n>> places_;
 };
 

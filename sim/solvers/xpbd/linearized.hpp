@@ -24,7 +24,7 @@ namespace viscera::sim {
 
 // What a sweep linearises: more rows would keep more numbers than they save.
 template <class Effect>
-inline constexpr bool is_linearizable = Effect::rows == 1 || is_eliminated<Effect>;
+inline constexpr bool is_linearizable = Effect::rows == 1 || is_linearized_apart<Effect>;
 
 // The mean of 1/rho - 1 over the elements' volume: the part by which a body under one stress gives
 // way more than it should.
@@ -50,7 +50,7 @@ struct LinearizedRow {
   }
 };
 
-template <class Effect, class T, bool own = is_eliminated<Effect>>
+template <class Effect, class T, bool own = is_linearized_apart<Effect>>
 struct LinearizedOf {
   using type = LinearizedRow<T, Effect::arity>;
 };
@@ -71,7 +71,7 @@ template <class Effect, class T, int arity = Effect::arity>
 SIM_HD void linearize(const typename Effect::template Rest<T>& rest, const T (&mobility)[arity],
                       const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity], T* history,
                       Linearized<Effect, T>& out) {
-  if constexpr (is_eliminated<Effect>) {
+  if constexpr (is_linearized_apart<Effect>) {
     Eliminated<Effect>::linearize(rest, mobility, u, d, out);
   } else {
     constexpr int edges = edge_count<arity>;

@@ -1,26 +1,27 @@
 // Neo-Hookean tets (effects/laws/neo_hookean.hpp) as XPBD solves them: both multipliers of a tet
 // eliminated by hand, for one sweep from zero multipliers, and linearised for a sweep in blocks;
-// and what such a sweep takes from their stiffness.
+// and what such a sweep takes from their stiffness. Smoothed elements: the first of these.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 
-#include "sim/effects/laws/neo_hookean.hpp"
+#include "sim/effects/laws/smoothed_neo_hookean.hpp"
 #include "sim/solvers/xpbd/eliminated.hpp"
 
 namespace viscera::sim {
 
-template <>
-struct Eliminated<NeoHookean> {
+// For tets and for smoothed elements.
+template <class Law>
+struct NeoHookeanEliminated {
   static constexpr bool exists = true;
-
-  using Law = NeoHookean;
+  static constexpr int arity = Law::arity;
   template <class T>
-  using Rest = Law::Rest<T>;
+  using Rest = typename Law::template Rest<T>;
 
-  // XPBD's impulses from zero multipliers (arithmetic.hpp), the pair eliminated by hand. With
-  //   s_i = (F - cof F) B_i, the preload over -k_D;   h_i = cof F B_i;   r = det F - 1
+  // XPBD's impulses from zero multipliers (arithmetic.hpp), the pair eliminated by hand. With b_i
+  // the gradient of vertex i's shape function
+  //   s_i = (F - cof F) b_i, the preload over -k_D;   h_i = cof F b_i;   r = det F - 1
   //   S = k_H sum w s.s, X = k_H sum w s.h, H = k_H sum w h.h, M = S H - X^2 >= 0: no dimension
   //   I_C = tr F^T F, q = gamma - 1 = k_D / k_H
   //   p = -k_D (1 - e) s + k_H b h
@@ -30,16 +31,18 @@ struct Eliminated<NeoHookean> {
   // Nothing cancels: s, r, e and b vanish at rest to the last bit, and no term of det is negative.
   // Two thirds of the operations of evaluate() and a solve, and no square root.
   template <class T>
-  SIM_HD static void xpbd_impulses(const Rest<T>& rest, const T (&w)[4], const Vec3<T> (&u)[4],
-                                   const Vec3<T> (&d)[4], Vec3<T> (&p)[4]) {
-    const Mat3<T> gradient = displacement_gradient(u, d, rest.rest_inverse);
-    const Mat3<T> cof_minus_i = Law::cofactor_strain(gradient);
-    const T ic = squared_norm(plus_identity(T(1), gradient)), r = Law::volume_strain(gradient);
-    Vec3<T> shear[4], swell[4];
-    Law::scatter(T(1), gradient - cof_minus_i, rest.rest_inverse, shear);
-    Law::scatter(T(1), plus_identity(T(1), cof_minus_i), rest.rest_inverse, swell);
+  SIM_HD static void xpbd_impulses(const Rest<T>& rest, const T (&w)[arity],
+                                   const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity],
+                                   Vec3<T> (&p)[arity]) {
+    const Mat3<T> gradient = Law::gradient(rest, u, d);
+    const Mat3<T> cof_minus_i = NeoHookean::cofactor_strain(gradient);
+    const T ic = squared_norm(plus_identity(T(1), gradient));
+    const T r = NeoHookean::volume_strain(gradient);
+    Vec3<T> shear[arity], swell[arity];
+    Law::scatter(T(1), gradient - cof_minus_i, rest, shear);
+    Law::scatter(T(1), plus_identity(T(1), cof_minus_i), rest, swell);
     T ss = T(0), sh = T(0), hh = T(0);
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < arity; ++i) {
       ss += w[i] * dot(shear[i], shear[i]);
       sh += w[i] * dot(shear[i], swell[i]);
       hh += w[i] * dot(swell[i], swell[i]);
@@ -51,8 +54,20 @@ struct Eliminated<NeoHookean> {
     const T scale = select(determinant > T(0), T(1) / determinant, T(0));  // 0: flat to a point
     const T e = scale * (r * (x + h) + q * (t + m));
     const T b = scale * (ic * (q * x - r) + q * (t * (q - r)));
-    for (int i = 0; i < 4; ++i) p[i] = (kd * (e - T(1))) * shear[i] + (kh * b) * swell[i];
+    for (int i = 0; i < arity; ++i) p[i] = (kd * (e - T(1))) * shear[i] + (kh * b) * swell[i];
   }
+};
+
+// Blocks evaluate smoothed elements anew in each phase.
+template <>
+struct Eliminated<SmoothedNeoHookean> : NeoHookeanEliminated<SmoothedNeoHookean> {
+  static constexpr bool linearizes = false;
+};
+
+template <>
+struct Eliminated<NeoHookean> : NeoHookeanEliminated<NeoHookean> {
+  static constexpr bool linearizes = true;
+  using Law = NeoHookean;
 
   // The pair linearised where a sweep finds it (linearized.hpp). With e_i = d_i - d_0 on
   // the vertices 1 to 3, on which the impulses are

@@ -334,7 +334,7 @@ void expect_linearised_as_solved() {
     double mobility[arity], weight[Effect::rows];
     std::mt19937 generator(seed);
     for (auto& w : mobility) w = random_in(generator, 1e-6, 1e-4);
-    if constexpr (is_eliminated<Effect>) {
+    if constexpr (is_linearized_apart<Effect>) {
       ASSERT_EQ(Eliminated<Effect>::relaxation(sample.rest, mobility), 1.0);
     }
     Vec3<double> solved[arity], e[edges], p[edges];

@@ -52,6 +52,22 @@ TEST(Load, IsSpreadByAreaOrAlike) {
   EXPECT_EQ(Load::elements(model, params).share, std::vector<double>(3, 1.0 / 3.0));
 }
 
+// Forces without a constraint are taken in full at every pass: once, however many there are.
+TEST(Load, ActsOnceInASubstepOfSeveralIterations) {
+  const Model model = make_cube(2);
+  const auto momentum = [&](int iterations) {
+    const Scene scene = loaded_scene("left", "area");
+    const auto solver =
+        make_on_cpu(model, scene, {.precision = Precision::fp64, .iterations = iterations});
+    solver->advance_frame();
+    Vec3<double> sum;
+    const State state = solver->state();
+    for (std::size_t i = 0; i < state.v.size(); ++i) sum += model.mass[i] * state.v[i];
+    return sum;
+  };
+  EXPECT_LT(norm(momentum(3) - momentum(1)), 1e-6 * norm(momentum(1)));
+}
+
 TEST(Load, WithoutAForceOrASpreadThatIsKnownIsRefused) {
   const Model model = make_cube(1);
   Scene scene = loaded_scene("left", "evenly");

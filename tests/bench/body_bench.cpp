@@ -1,0 +1,199 @@
+// What the elements cost and what they are worth: how far a body at rest is off quadratic tets, by
+// linear tets and by smoothed elements, solved by Newton and by XPBD, with milliseconds a frame of
+// one thread and, where there is one, of a CUDA device.
+//   bench_body CSV NU,NU… MESH.vtu…    livers: held by their superior 30 mm, gravity along +y
+//   bench_body CSV NU,NU… bar          10 x 3 x 3 cm, held at one end, against quadratic tets of
+//                                      half the size of the finest bar's
+// Errors are root mean squares over the vertices, in percent of the displacement's: `total` against
+// quadratic tets, which for livers are those of the same mesh and for bars the finest, and `solver`
+// against Newton's method on the same elements.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <optional>
+#include <sstream>
+
+#include "sim/make.hpp"
+#include "sim/measures/stability.hpp"
+#include "stages/mesh/tet_io.hpp"
+#include "stages/simulate/body.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera {
+namespace {
+
+using sim::Model, sim::Scene, sim::State, sim::Vec3;
+
+struct Body {
+  std::string name;
+  Model model;
+  std::vector<std::size_t> judged;  // vertices
+};
+
+sim::Material tissue(double nu, double youngs_modulus) {
+  return {.youngs_modulus = youngs_modulus, .poisson_ratio = nu, .density = 1060.0};
+}
+
+Body liver(const char* file, double nu) {
+  const TetMesh mesh = read_vtu(file);
+  std::map<int, sim::Material> materials;
+  for (const auto& [label, name] : mesh.label_names) materials[label] = tissue(nu, 5e3);
+  Body body{fmt::format("{} tets", mesh.tets.size()), make_body(mesh, materials), {}};
+  double top = -HUGE_VAL;
+  for (const auto& x : body.model.rest) top = std::max(top, x.z);
+  for (std::size_t i = 0; i < body.model.vertex_count(); ++i) {
+    body.model.fixed[i] = body.model.rest[i].z > top - 0.03;
+    body.judged.push_back(i);
+  }
+  return body;
+}
+
+// Of `fine` cells across; judged where all bars have a vertex.
+Body bar(int fine, double nu) {
+  Body body{fmt::format("bar of {} tets", 5 * fine * fine * (10 * fine / 3)),
+            sim::make_five_tet_box({0.1, 0.03, 0.03}, {10 * fine / 3, fine, fine}, tissue(nu, 5e5)),
+            {}};
+  for (std::size_t i = 0; i < body.model.vertex_count(); ++i) {
+    const auto& x = body.model.rest[i];
+    body.model.fixed[i] = x.x < -0.05 + 1e-9;
+    const auto on_grid = [](double at) {
+      return std::abs(at - 0.01 * std::round(at / 0.01)) < 1e-9;
+    };
+    if (on_grid(x.x + 0.05) && on_grid(x.y + 0.015) && on_grid(x.z + 0.015))
+      body.judged.push_back(i);
+  }
+  return body;
+}
+
+Scene scene_of(bool smoothed, int substeps) {
+  Scene scene;
+  if (smoothed) {
+    scene.params<sim::SmoothedNeoHookean>().emplace_back();
+  } else {
+    scene.params<sim::NeoHookean>().emplace_back();
+  }
+  scene.params<sim::Gravity>().emplace_back().direction = {0.0, 1.0, 0.0};
+  scene.time.substeps = substeps;
+  return scene;
+}
+
+State by_newton(const Body& body, bool smoothed, int order) {
+  sim::SolverOptions newton{.method = sim::Method::fem};
+  newton.fem.time = sim::FemOptions::Time::quasi_static;
+  newton.fem.order = order;
+  const auto solver = make_on_cpu(body.model, scene_of(smoothed, 1), newton);
+  solver->advance_frame();
+  State state = solver->state();
+  state.step = 0;
+  state.history.clear();
+  return state;
+}
+
+std::vector<Vec3<double>> judged(const Body& body, const State& state) {
+  std::vector<Vec3<double>> u;
+  for (const std::size_t i : body.judged) u.push_back(state.u[i]);
+  return u;
+}
+
+double percent_off(const std::vector<Vec3<double>>& u, const std::vector<Vec3<double>>& truth) {
+  double off = 0.0, size = 0.0;
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    const Vec3<double> e = u[i] - truth[i];
+    off += dot(e, e), size += dot(truth[i], truth[i]);
+  }
+  return 100.0 * std::sqrt(off / size);
+}
+
+struct Bench {
+  std::string csv;
+
+  void row(const Body& body, double nu, const char* element, const char* solver, int substeps,
+           double total, double own, const std::vector<double>& ms) {
+    std::string times = ",,";
+    if (!ms.empty()) {
+      times = fmt::format("{:.3f},{:.3f},{:.3f}", ms[ms.size() / 2], ms[ms.size() / 4],
+                          ms[3 * ms.size() / 4]);
+    }
+    const std::string line = fmt::format("{},{},{},{},{},{:.3f},{:.3f},{}\n", body.name, nu,
+                                         element, solver, substeps, total, own, times);
+    fmt::print("{}", line);
+    std::fflush(stdout);
+    csv += line;
+  }
+
+  // At rest by XPBD, from where Newton has it; velocities are halved on the way.
+  void xpbd(const Body& body, double nu, bool smoothed, const State& newton,
+            const std::vector<Vec3<double>>& truth) {
+    for (const int substeps : {8, 16, 32, 64}) {
+      Scene scene = scene_of(smoothed, substeps);
+      if (assess(body.model, scene).limit.value > sim::cs_limit) continue;
+      apply_policy(body.model, scene);
+      for (const bool on_device : {false, true}) {
+        if (on_device && !sim::find_cuda_device().name) continue;
+        const sim::SolverOptions options{.threads = 1};
+        const auto solver = on_device ? make_on_cuda(body.model, scene, options)
+                                      : make_on_cpu(body.model, scene, options);
+        State state = newton;
+        std::vector<double> ms;
+        for (int round = 0; round < 12; ++round) {
+          for (auto& v : state.v) v = 0.5 * v;
+          solver->set_state(state);
+          for (int frame = 0; frame < 3; ++frame) {
+            const auto begin = std::chrono::steady_clock::now();
+            solver->advance_frame();
+            const std::chrono::duration<double, std::milli> took =
+                std::chrono::steady_clock::now() - begin;
+            ms.push_back(took.count());
+          }
+          state = solver->state();
+        }
+        std::ranges::sort(ms);
+        const auto u = judged(body, state);
+        row(body, nu, smoothed ? "smoothed" : "linear", on_device ? "xpbd cuda" : "xpbd cpu",
+            substeps, percent_off(u, truth), percent_off(u, judged(body, newton)), ms);
+      }
+    }
+  }
+
+  void body(const Body& body, double nu, const std::vector<Vec3<double>>& truth, bool with_xpbd) {
+    for (const bool smoothed : {false, true}) {
+      const State newton = by_newton(body, smoothed, 1);
+      row(body, nu, smoothed ? "smoothed" : "linear", "newton", 0,
+          percent_off(judged(body, newton), truth), 0.0, {});
+      if (with_xpbd) xpbd(body, nu, smoothed, newton, truth);
+    }
+  }
+};
+
+void run(const std::string& what, double nu, Bench& bench) {
+  if (what != "bar") {
+    const Body body = liver(what.c_str(), nu);
+    bench.body(body, nu, judged(body, by_newton(body, false, 2)), true);
+    return;
+  }
+  const Body finest = bar(12, nu), finer = bar(6, nu);
+  const auto truth = judged(finest, by_newton(finest, false, 2));
+  const auto before = judged(finer, by_newton(finer, false, 2));
+  bench.row(finer, nu, "quadratic", "newton", 0, percent_off(before, truth), 0.0, {});
+  for (const int fine : {3, 6}) bench.body(bar(fine, nu), nu, truth, fine == 6);
+}
+
+}  // namespace
+}  // namespace viscera
+
+int main(int argc, char** argv) {
+  if (argc < 4) return std::fputs("usage: bench_body CSV NU,NU… MESH.vtu…|bar\n", stderr), 2;
+  viscera::Bench bench{
+      "body,nu,element,solver,substeps,total_percent,solver_percent,ms_frame,q1,q3\n"};
+  for (int i = 3; i < argc; ++i) {
+    std::istringstream numbers(argv[2]);
+    for (std::string nu; std::getline(numbers, nu, ',');) {
+      viscera::run(argv[i], std::stod(nu), bench);
+      std::ofstream(argv[1]) << bench.csv;
+    }
+  }
+}
