@@ -141,10 +141,10 @@ BENCH_SOLVER_CSV ?= docs/results/solver_speed.csv
 bench-solver: $(BENCH)/mesh.vtu ## what a substep costs on this machine, by method and threads: BENCH_MESHES, _SOLVER_CSV
 	@$(BIN)/bench_solver $(BENCH_SOLVER_CSV) $(BENCH_MESHES)
 
-BENCH_BODY_CSV ?= docs/results/body.csv
+BENCH_BODY_CSV ?= out/bench/body.csv
 BENCH_NU ?= 0.3,0.45,0.49,0.499
 bench-body: $(BENCH)/mesh.vtu ## how far linear tets and smoothed elements are off quadratic ones, and what they cost: BENCH_MESHES, _NU, _BODY_CSV
-	@$(BIN)/bench_body $(BENCH_BODY_CSV) $(BENCH_NU) $(BENCH_MESHES) bar
+	@mkdir -p out/bench && $(BIN)/bench_body $(BENCH_BODY_CSV) $(BENCH_NU) $(BENCH_MESHES) bar
 
 bench-gpu: $(BENCH)/mesh.vtu ## what accuracy costs on this machine's GPU: BENCH_MESHES
 	@mkdir -p out/bench && $(BIN)/bench_gpu out/bench/gpu.csv 5 0.45 $(BENCH_MESHES)
