@@ -138,9 +138,16 @@ TEST_P(PressedBody, HasNoTetInsideOutAtTheEndOfAnyFrame) {
 
 INSTANTIATE_TEST_SUITE_P(Each, PressedBody, testing::Range(0, 3));
 
+Scene smoothed(Scene scene) {
+  scene.params<NeoHookean>().clear();
+  scene.params<SmoothedNeoHookean>().emplace_back();
+  return scene;
+}
+
 TEST(VolumeBound, ABodyWithoutAnElasticLawHasNone) {
   EXPECT_FALSE(VolumeBound::is_needed(particle_scene()));
   EXPECT_TRUE(VolumeBound::is_needed(elastic_scene()));
+  EXPECT_TRUE(VolumeBound::is_needed(smoothed(elastic_scene())));
 }
 
 TEST(VolumeBound, GoesOnWhereFewTetsAreCrushedAndOnceOffComesBackOnlyWhereNoneIs) {

@@ -75,7 +75,7 @@ struct VolumeBound {
     bool needed = false;
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (requires { &Effect::explicit_modulus; }) {
-        needed = needed || (Effect::arity == 4 && !std::get<i>(scene.effects).empty());
+        needed = needed || (Effect::arity >= 4 && !std::get<i>(scene.effects).empty());
       }
     });
     return needed;
