@@ -246,7 +246,7 @@ TEST(SmoothedNeoHookean, BendsWhereLinearTetsDoNot) {
   EXPECT_LT(smoothed, exact);
 }
 
-TEST(SmoothedNeoHookean, RestsWhereNewtonDoesUnderEverySolver) {
+TEST(SmoothedNeoHookean, ComesToRestWhereNewtonDoesUnderEverySolver) {
   const State rest = SaggingBar(true).run(statics(1), 1);
   const double newton = SaggingBar(true).sag_of(rest);
   for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
