@@ -7,6 +7,7 @@
 #include <string>
 
 #include "sim/base/refusal.hpp"
+#include "sim/model/corner_gradients.hpp"
 #include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/xpbd/held_forces.hpp"
 
@@ -18,13 +19,10 @@ struct Shape {
   double spread;    // sum |g_i|^2, 1/m2
 };
 
-// Rows of B are the gradients of N_1 to N_3; the altitude over vertex i is 1/|grad N_i|.
+// The altitude over vertex i is 1/|grad N_i|.
 Shape shape_of(const Mat3<double>& rest_inverse) {
-  const Mat3<double> rows = transpose(rest_inverse);
-  const auto& [a, b, c] = rows.col;
-  const Vec3<double> gradients[4] = {-(a + b + c), a, b, c};
   double steepest = 0.0, squares = 0.0;
-  for (const auto& g : gradients) {
+  for (const auto& g : corner_gradients(rest_inverse)) {
     steepest = std::max(steepest, norm(g));
     squares += dot(g, g);
   }
@@ -75,15 +73,6 @@ void switch_form(const Model& model, Scene& scene) {
     law.taken = taken;
     others.push_back({{}, taken});
   }
-}
-
-std::size_t tets_taken(const Scene& scene) {
-  std::size_t count = 0;
-  const auto add = [&count](const auto& laws) {
-    if (!laws.empty()) count += std::ranges::count(laws.front().taken, 1);
-  };
-  add(scene.params<NeoHookean>()), add(scene.params<SmoothedNeoHookean>());
-  return count;
 }
 
 // Effects that move vertices as one, and know of no force of an element.
@@ -179,6 +168,15 @@ Stability assess(const Model& model, const Scene& scene, const SolverOptions& op
   const double needed = scene.time.substeps * result.limit.value / result.limit.at_most;
   result.substeps_needed = std::max(1.0, std::ceil(needed * (1.0 - 1e-12)));
   return result;
+}
+
+std::size_t tets_taken(const Scene& scene) {
+  std::size_t count = 0;
+  const auto add = [&count](const auto& laws) {
+    if (!laws.empty()) count += std::ranges::count(laws.front().taken, 1);
+  };
+  add(scene.params<NeoHookean>()), add(scene.params<SmoothedNeoHookean>());
+  return count;
 }
 
 void keep_forms(const Scene& from, Scene& to) {

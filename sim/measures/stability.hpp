@@ -61,6 +61,9 @@ double squared_gradients(const Mat3<double>& rest_inverse);
 
 Stability assess(const Model& model, const Scene& scene, const SolverOptions& options = {});
 
+// Tets that the policy has taken from their law and given to the corotational one.
+std::size_t tets_taken(const Scene& scene);
+
 // Gives a scene the forms of the laws that the policy has made for another of the same body.
 void keep_forms(const Scene& from, Scene& to);
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <compare>
 
+#include "sim/model/corner_gradients.hpp"
+
 namespace viscera::sim {
 namespace {
 
@@ -96,9 +98,7 @@ void EdgeDomains::append(const Model& model, std::span<const int> around) {
   double sum = 0.0;
   for (const int t : around) {
     const double share = model.volume[t] / 6.0;
-    const Mat3<double> rows = transpose(model.rest_inverse[t]);
-    const auto& [a, b, c] = rows.col;
-    const Vec3<double> gradients[4] = {-(a + b + c), a, b, c};
+    const auto gradients = corner_gradients(model.rest_inverse[t]);
     for (int i = 0; i < 4; ++i) {
       const auto found = std::ranges::find(own, model.tets[t][i]);
       if (found == own.end()) {

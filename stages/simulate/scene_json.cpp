@@ -1,6 +1,7 @@
 // scene.json: the scene as it ran.
 #include <algorithm>
 
+#include "sim/measures/stability.hpp"
 #include "stages/simulate/scene_file.hpp"
 
 namespace viscera {
@@ -67,13 +68,7 @@ Json to_json(const SceneFile& file) {
   if (scene.accuracy_limit > 0.0) json["accuracy_limit"] = scene.accuracy_limit;
   if (scene.force_hold_s > 0.0) json["force_hold"] = scene.force_hold_s;
   // Those that `form` has given to the corotational law.
-  const auto say_taken = [&json](const auto& laws) {
-    for (const auto& law : laws) {
-      if (!law.taken.empty()) json["corotational_tets"] = std::ranges::count(law.taken, 1);
-    }
-  };
-  say_taken(scene.params<sim::NeoHookean>());
-  say_taken(scene.params<sim::SmoothedNeoHookean>());
+  if (const std::size_t taken = sim::tets_taken(scene)) json["corotational_tets"] = taken;
   json["expect"] = Json::object();
   for (const auto& expected : file.expect) {
     Json& limits = json["expect"][expected.metric] = Json::object();

@@ -30,10 +30,9 @@ void Schedule::set(std::size_t setting, sim::Model& model, sim::Scene& scene) co
   for (std::size_t i = 0; i < model.materials.size(); ++i) {
     model.materials[i] = now.materials.at(model.label_names[i]);
   }
-  sim::Scene changed = scene;
-  changed.effects = now.effects;
-  sim::keep_forms(scene, changed);
-  scene = std::move(changed);
+  const sim::Scene before = scene;
+  scene.effects = now.effects;
+  sim::keep_forms(before, scene);
 }
 
 }  // namespace viscera

@@ -10,17 +10,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
-#include <optional>
 #include <sstream>
 
 #include "sim/make.hpp"
 #include "sim/measures/stability.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
+#include "tests/bench/measured.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera {
@@ -103,12 +102,7 @@ std::vector<Vec3<double>> judged(const Body& body, const State& state) {
 }
 
 double percent_off(const std::vector<Vec3<double>>& u, const std::vector<Vec3<double>>& truth) {
-  double off = 0.0, size = 0.0;
-  for (std::size_t i = 0; i < u.size(); ++i) {
-    const Vec3<double> e = u[i] - truth[i];
-    off += dot(e, e), size += dot(truth[i], truth[i]);
-  }
-  return 100.0 * std::sqrt(off / size);
+  return 100.0 * root_mean_square(u, &truth) / root_mean_square(truth, nullptr);
 }
 
 struct Bench {
@@ -118,8 +112,8 @@ struct Bench {
            double total, double own, const std::vector<double>& ms) {
     std::string times = ",,";
     if (!ms.empty()) {
-      times = fmt::format("{:.3f},{:.3f},{:.3f}", ms[ms.size() / 2], ms[ms.size() / 4],
-                          ms[3 * ms.size() / 4]);
+      const auto [median, q1, q3] = Times::of(ms);
+      times = fmt::format("{:.3f},{:.3f},{:.3f}", median, q1, q3);
     }
     const std::string line = fmt::format("{},{},{},{},{},{:.3f},{:.3f},{}\n", body.name, nu,
                                          element, solver, substeps, total, own, times);
@@ -146,15 +140,10 @@ struct Bench {
           for (auto& v : state.v) v = 0.5 * v;
           solver->set_state(state);
           for (int frame = 0; frame < 3; ++frame) {
-            const auto begin = std::chrono::steady_clock::now();
-            solver->advance_frame();
-            const std::chrono::duration<double, std::milli> took =
-                std::chrono::steady_clock::now() - begin;
-            ms.push_back(took.count());
+            ms.push_back(time_frame([&solver] { solver->advance_frame(); }));
           }
           state = solver->state();
         }
-        std::ranges::sort(ms);
         const auto u = judged(body, state);
         row(body, nu, smoothed ? "smoothed" : "linear", on_device ? "xpbd cuda" : "xpbd cpu",
             substeps, percent_off(u, truth), percent_off(u, judged(body, newton)), ms);

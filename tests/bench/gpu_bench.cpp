@@ -21,6 +21,7 @@
 #include "sim/measures/stability.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
+#include "tests/bench/measured.hpp"
 
 namespace viscera {
 namespace {
@@ -47,15 +48,6 @@ std::vector<Row> rows() {
     all.push_back({"block_gauss_seidel", {.scheme = Scheme::block_gauss_seidel}, substeps});
   }
   return all;
-}
-
-double root_mean_square(const std::vector<Vec3<double>>& a, const std::vector<Vec3<double>>* b) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    const Vec3<double> e = b ? a[i] - (*b)[i] : a[i];
-    sum += dot(e, e);
-  }
-  return std::sqrt(sum / static_cast<double>(a.size()));
 }
 
 enum class Held {
@@ -118,21 +110,13 @@ State equilibrium(const Model& model) {
   return state;
 }
 
-struct Times {
-  double median, q1, q3;  // ms a frame
-};
-
 template <class Advance>
 Times time_frames(Advance&& advance, int frames) {
   std::vector<double> ms;
   for (int frame = 0; frame < frames; ++frame) {
-    const auto begin = std::chrono::steady_clock::now();
-    advance();
-    ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin)
-                     .count());
+    ms.push_back(time_frame(advance));
   }
-  std::ranges::sort(ms);
-  return {ms[ms.size() / 2], ms[ms.size() / 4], ms[3 * ms.size() / 4]};
+  return Times::of(ms);
 }
 
 struct Bound {

@@ -35,6 +35,12 @@ State after(Solver& solver, int frames) {
   return solver.state();
 }
 
+std::unique_ptr<Solver> make_cpu_blocks(const Model& model, const Scene& scene, int tets) {
+  return make_on_cpu(
+      model, scene,
+      {.scheme = Scheme::block_gauss_seidel, .precision = Precision::fp64, .block_tets = tets});
+}
+
 // The tets of a body with the numbers of a substep of dt seconds.
 struct Tets {
   Program<double> program;
@@ -285,9 +291,7 @@ TEST(Blocks, OfACpuAreThoseOfADeviceFromTheFallToTheRest) {
   for (const int tets : {tets_per_block, 1000}) {
     SCOPED_TRACE(tets);
     HostBlocks<double> direct(model, scene, tets, false), linearised(model, scene, tets, true);
-    const auto cpu = make_on_cpu(
-        model, scene,
-        {.scheme = Scheme::block_gauss_seidel, .precision = Precision::fp64, .block_tets = tets});
+    const auto cpu = make_cpu_blocks(model, scene, tets);
     const State end = after(*cpu, 150);
     EXPECT_LT(largest(end.v), 1e-4);
     EXPECT_GT(largest(end.u), 5e-3);
@@ -418,10 +422,7 @@ TEST(Blocks, ABodyInACornerIsHeldByBothPlanesAsOnACpu) {
   wall.normal = {1.0, 0.0, 0.0};
   scene.params<Gravity>().front().direction = {-1.0, 0.0, -1.0};
   HostBlocks<double> host(model, scene, tets_per_block, false);
-  const auto cpu = make_on_cpu(model, scene,
-                               {.scheme = Scheme::block_gauss_seidel,
-                                .precision = Precision::fp64,
-                                .block_tets = tets_per_block});
+  const auto cpu = make_cpu_blocks(model, scene, tets_per_block);
   const State end = after(*cpu, 60);
   EXPECT_LE(largest_difference(end, after(host, 60)), 1e-9 * model.size());
   EXPECT_GT(cpu->contact_count(), 20u) << "both planes hold a face of 16 vertices";

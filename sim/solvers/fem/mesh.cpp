@@ -1,15 +1,12 @@
 #include "sim/solvers/fem/mesh.hpp"
 
+#include "sim/model/corner_gradients.hpp"
+
 namespace viscera::sim {
 namespace {
 
 // The edges of a tet, in the order of the midside nodes 4 to 9 (that of VTK's quadratic tetra).
 constexpr int edges[6][2] = {{0, 1}, {1, 2}, {0, 2}, {0, 3}, {1, 3}, {2, 3}};
-
-std::array<Vec3<double>, 4> corner_gradients(const Mat3<double>& rest_inverse) {
-  const Mat3<double> b = transpose(rest_inverse);
-  return {-(b.col[0] + b.col[1] + b.col[2]), b.col[0], b.col[1], b.col[2]};
-}
 
 // N_i = L_i (2 L_i - 1) at the corners, N_ij = 4 L_i L_j on the edges.
 std::array<Vec3<double>, 10> quadratic_gradients(const std::array<Vec3<double>, 4>& corner,
