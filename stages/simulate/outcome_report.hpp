@@ -1,6 +1,7 @@
 // What the manifest says of a run: metrics, gates, and why it diverged.
 #pragma once
 
+#include "sim/solvers/options.hpp"
 #include "stages/program/stage_main.hpp"
 #include "stages/simulate/frame_loop.hpp"
 
@@ -16,6 +17,11 @@ std::string ending(const Outcome& outcome);
 // gates on metrics of this run.
 void apply_gates(StageRun& run, const sim::Model& model, const SceneFile& file,
                  const Outcome& outcome);
+
+// How far the body at rest is off (sim/error_bar.hpp), of a run that was solved with `options`;
+// where that is unknown, why. Takes seconds to minutes.
+void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& file,
+                      const Outcome& outcome, const sim::SolverOptions& options);
 
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome);
 

@@ -17,83 +17,16 @@
 
 #include "sim/make.hpp"
 #include "sim/measures/stability.hpp"
-#include "stages/mesh/tet_io.hpp"
-#include "stages/simulate/body.hpp"
+#include "tests/bench/bodies.hpp"
 #include "tests/bench/measured.hpp"
-#include "tests/sim/shapes.hpp"
 
 namespace viscera {
 namespace {
 
-using sim::Model, sim::Scene, sim::State, sim::Vec3;
+using sim::Scene, sim::State, sim::Vec3;
 
 constexpr std::size_t max_tets_for_xpbd =
     30'000;  // beyond, one thread takes minutes to come to rest
-
-struct Body {
-  std::string name;
-  Model model;
-  std::vector<std::size_t> judged;  // vertices
-};
-
-sim::Material tissue(double nu, double youngs_modulus) {
-  return {.youngs_modulus = youngs_modulus, .poisson_ratio = nu, .density = 1060.0};
-}
-
-Body liver(const char* file, double nu) {
-  const TetMesh mesh = read_vtu(file);
-  std::map<int, sim::Material> materials;
-  for (const auto& [label, name] : mesh.label_names) materials[label] = tissue(nu, 5e3);
-  Body body{fmt::format("{} tets", mesh.tets.size()), make_body(mesh, materials), {}};
-  double top = -HUGE_VAL;
-  for (const auto& x : body.model.rest) top = std::max(top, x.z);
-  for (std::size_t i = 0; i < body.model.vertex_count(); ++i) {
-    body.model.fixed[i] = body.model.rest[i].z > top - 0.03;
-    body.judged.push_back(i);
-  }
-  return body;
-}
-
-// Of `fine` cells across; judged where all bars have a vertex.
-Body bar(int fine, double nu) {
-  Body body{fmt::format("bar of {} tets", 5 * fine * fine * (10 * fine / 3)),
-            sim::make_five_tet_box({0.1, 0.03, 0.03}, {10 * fine / 3, fine, fine}, tissue(nu, 5e5)),
-            {}};
-  for (std::size_t i = 0; i < body.model.vertex_count(); ++i) {
-    const auto& x = body.model.rest[i];
-    body.model.fixed[i] = x.x < -0.05 + 1e-9;
-    const auto on_grid = [](double at) {
-      return std::abs(at - 0.01 * std::round(at / 0.01)) < 1e-9;
-    };
-    if (on_grid(x.x + 0.05) && on_grid(x.y + 0.015) && on_grid(x.z + 0.015))
-      body.judged.push_back(i);
-  }
-  return body;
-}
-
-Scene scene_of(bool smoothed, int substeps) {
-  Scene scene;
-  if (smoothed) {
-    scene.params<sim::SmoothedNeoHookean>().emplace_back();
-  } else {
-    scene.params<sim::NeoHookean>().emplace_back();
-  }
-  scene.params<sim::Gravity>().emplace_back().direction = {0.0, 1.0, 0.0};
-  scene.time.substeps = substeps;
-  return scene;
-}
-
-State by_newton(const Body& body, bool smoothed, int order) {
-  sim::SolverOptions newton{.method = sim::Method::fem};
-  newton.fem.time = sim::FemOptions::Time::quasi_static;
-  newton.fem.order = order;
-  const auto solver = make_on_cpu(body.model, scene_of(smoothed, 1), newton);
-  solver->advance_frame();
-  State state = solver->state();
-  state.step = 0;
-  state.history.clear();
-  return state;
-}
 
 std::vector<Vec3<double>> judged(const Body& body, const State& state) {
   std::vector<Vec3<double>> u;
@@ -153,7 +86,7 @@ struct Bench {
 
   void body(const Body& body, double nu, const std::vector<Vec3<double>>& truth, bool with_xpbd) {
     for (const bool smoothed : {false, true}) {
-      const State newton = by_newton(body, smoothed, 1);
+      const State newton = by_newton(body.model, scene_of(smoothed, 1), 1);
       row(body, nu, smoothed ? "smoothed" : "linear", "newton", 0,
           percent_off(judged(body, newton), truth), 0.0, {});
       if (with_xpbd) xpbd(body, nu, smoothed, newton, truth);
@@ -165,12 +98,12 @@ void run(const std::string& what, double nu, Bench& bench) {
   if (what != "bar") {
     const Body body = liver(what.c_str(), nu);
     const bool with_xpbd = body.model.tet_count() <= max_tets_for_xpbd;
-    bench.body(body, nu, judged(body, by_newton(body, false, 2)), with_xpbd);
+    bench.body(body, nu, judged(body, by_newton(body.model, scene_of(false, 1), 2)), with_xpbd);
     return;
   }
   const Body finest = bar(12, nu), finer = bar(6, nu);
-  const auto truth = judged(finest, by_newton(finest, false, 2));
-  const auto before = judged(finer, by_newton(finer, false, 2));
+  const auto truth = judged(finest, by_newton(finest.model, scene_of(false, 1), 2));
+  const auto before = judged(finer, by_newton(finer.model, scene_of(false, 1), 2));
   bench.row(finer, nu, "quadratic", "newton", 0, percent_off(before, truth), 0.0, {});
   for (const int fine : {3, 6}) bench.body(bar(fine, nu), nu, truth, false);
 }

@@ -1,5 +1,6 @@
 // viscera-simulate from files to files: what it writes, and how it refuses, diverges and fails
 // gates.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -85,6 +86,39 @@ TEST_F(Simulate, OneWordGivesSmoothedElementsToEverySolver) {
   EXPECT_NE(errors.find("effects.smoothed_neo_hookean"), std::string::npos) << errors;
   EXPECT_EQ(run(smoothed, {"--set", "solver=pbd"}), 3);
   EXPECT_NE(errors.find("effects.smoothed_neo_hookean"), std::string::npos) << errors;
+}
+
+TEST_F(Simulate, ACertifiedRunSaysHowFarTheBodyIsOffOrWhyThatIsNotKnown) {
+  const std::string held =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  ASSERT_EQ(run(held), 0) << errors;
+  EXPECT_EQ(metric("error_total"), "absent");
+  ASSERT_EQ(run(held, {"--set", "certify=true"}), 0) << errors;
+  const double total = metric("error_total").get<double>();
+  EXPECT_TRUE(metric("error_bar_unknown").is_null());
+  EXPECT_GT(metric("error_element").get<double>(), metric("error_solver").get<double>());
+  EXPECT_LE(total, metric("error_solver").get<double>() + metric("error_element").get<double>() +
+                       metric("error_mesh").get<double>());
+  EXPECT_GT(metric("error_total_share").get<double>(), 0.01) << "linear tets on three cells";
+  EXPECT_GT(metric("error_centroids").at("liver").get<double>(), 0.0);
+  ASSERT_EQ(run(held + "element: smoothed\n", {"--set", "certify=true"}), 0) << errors;
+  EXPECT_LT(metric("error_total").get<double>(), total);
+  EXPECT_EQ(run(held, {"--set", "certify=true", "--set", "end=0.05s"}), 0) << errors;
+  EXPECT_EQ(metric("error_bar_unknown"), "the body is not at rest");
+  EXPECT_EQ(metric("error_total"), "absent");
+  EXPECT_NE(errors.find("not known"), std::string::npos) << errors;
+}
+
+TEST_F(Simulate, AnErrorThatIsExpectedIsJudgedAndFailsWhereItIsNotKnown) {
+  const std::string held =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  const auto expecting = [&](const char* most) {
+    return with(held, "inverted_max: {max: 0}", fmt::format("error_total: {{max: {}}}", most));
+  };
+  EXPECT_EQ(run(expecting("5"), {"--set", "certify=true"}), 0) << errors;
+  EXPECT_EQ(run(expecting("0.001"), {"--set", "certify=true"}), 5);
+  EXPECT_EQ(run(expecting("5")), 5);
+  EXPECT_NE(errors.find("certify: true"), std::string::npos) << errors;
 }
 
 // The policy's other form takes the tets above the limit out of their domains.

@@ -193,14 +193,34 @@ TEST_F(Web, TheCtIsShownWithTheLabelsOnIt) {
   EXPECT_EQ(browser_.console(), "");
 }
 
-TEST_F(Web, TheSolversErrorIsToldFromTheMeshsWhichOneRunCannotKnow) {
+TEST_F(Web, TheErrorOfTheBodyAtRestLeadsThePageByItsParts) {
+  SampleRun run;
+  run.certified = true;
+  make_whole_report(run);
+  const std::string verdict =
+      between(browser_.document(address(""), width, height), "id=\"verdict\"", "</div>");
+  const auto at = verdict.find("At rest the body is off by 0.53&nbsp;mm");
+  EXPECT_LT(at, verdict.find("quality gates passed")) << verdict;
+  for (const char* text : {"1&nbsp;% of its displacement", "solver 0.021&nbsp;mm",
+                           "elements 0.44&nbsp;mm", "mesh 0.087&nbsp;mm", "tumour 0.5&nbsp;mm"})
+    EXPECT_NE(verdict.find(text), std::string::npos) << text << verdict;
+  run.no_error_bar = "the body is not at rest";
+  make_whole_report(run);
+  EXPECT_NE(browser_.document(address(""), width, height)
+                .find("How far the body is off is not known: the body is not at rest."),
+            std::string::npos);
+}
+
+TEST_F(Web, TheSolversErrorIsToldFromThatOfElementsAndMeshWhichWasNotAskedFor) {
   make_whole_report({});
   const std::string document = browser_.document(address(""), width, height);
   const auto at = document.find("Solver's error at rest");
   ASSERT_NE(at, std::string::npos);
   const std::string figure = document.substr(at, 250);
   EXPECT_NE(figure.find("1.2&nbsp;%"), std::string::npos) << figure;
-  EXPECT_NE(figure.find("the mesh's error comes besides"), std::string::npos) << figure;
+  EXPECT_NE(figure.find("the error of elements and mesh comes besides"), std::string::npos)
+      << figure;
+  EXPECT_NE(document.find("How far the body is off was not asked for"), std::string::npos);
 }
 
 TEST_F(Web, AFailedGateLeadsThePageWithItsMeaningAndRemedyAndItsPlaceIsRinged) {

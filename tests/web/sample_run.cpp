@@ -205,7 +205,8 @@ void write_tetmesh(const fs::path& folder, const fs::path& labels, const TetMesh
 }
 
 void write_simulation(const fs::path& folder, const fs::path& mesh_file, const TetMesh& mesh,
-                      int frames) {
+                      const SampleRun& run) {
+  const int frames = run.frames;
   fs::create_directories(folder);
   TrajectoryWriter writer(folder, mesh);
   for (int i = 0; i < frames; ++i) {
@@ -234,6 +235,20 @@ void write_simulation(const fs::path& folder, const fs::path& mesh_file, const T
                {"stability_kappa_max", 7.9, "1"},
                {"effects_on", {"neo_hookean", "gravity", "ground_contact", "friction"}, "1"},
                {"effects_off", {"attachment", "tearing", "self_contact"}, "1"}};
+  if (run.certified) {
+    const Json unknown = run.no_error_bar.empty() ? Json() : Json(run.no_error_bar);
+    m.metrics.push_back({"error_bar_unknown", unknown, "1"});
+  }
+  if (run.certified && run.no_error_bar.empty()) {
+    for (const auto& [name, mm] : {std::pair{"error_total", 0.5312},
+                                   {"error_solver", 0.0213},
+                                   {"error_element", 0.44},
+                                   {"error_mesh", 0.0871}}) {
+      m.metrics.push_back({name, mm, "mm"});
+    }
+    m.metrics.push_back({"error_total_share", 0.0104, "1"});
+    m.metrics.push_back({"error_centroids", {{"liver", 0.42}, {"tumour", 0.5}}, "mm"});
+  }
   m.gates = {
       judged({"max_volume_change", "<=", "percent", "It is compressible.", "raise nu"}, 0.7, 2),
       judged({"inverted_tets", "<=", "1", "Tets are inverted.", "raise substeps"}, 0, 0)};
@@ -275,7 +290,7 @@ void write_sample_run(const fs::path& folder, const SampleRun& run) {
   mesh.label_names[2] = run.tumour_name;
   write_labels(folder / "labels", run);
   write_tetmesh(folder / "tetmesh", folder / "labels" / "labels.nrrd", mesh, run);
-  write_simulation(folder / "simulate", folder / "tetmesh" / "mesh.vtu", mesh, run.frames);
+  write_simulation(folder / "simulate", folder / "tetmesh" / "mesh.vtu", mesh, run);
 }
 
 }  // namespace viscera

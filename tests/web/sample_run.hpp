@@ -15,7 +15,9 @@ struct SampleRun {
   int frames = 12;
   std::string tumour_name = "tumour";
   bool gate_fails = false;
-  std::string caveat = {};  // of the labels
+  std::string caveat = {};        // of the labels
+  bool certified = false;         // the run says how far the body is off
+  std::string no_error_bar = {};  // or why it does not know
 };
 
 TetMesh sample_mesh(int cells);

@@ -106,6 +106,19 @@ class ContactTerm final : public FemTerm {
       velocity[i] += (1.0 / fields.step.dt) * (d - fields.d[i]);
     }
   }
+  void assume_contact(const FemFields& fields, const NodeField& lacking, double reach) override {
+    for (int i = 0; i < static_cast<int>(rest_.size()); ++i) {
+      const double size = norm(lacking[i]);
+      if (!free_[i] || size == 0.0) continue;
+      // Against the force that is lacking lies the obstacle that may give it.
+      const Vec3<double> out = Effect::push(device_, fields.step, rest_[i], fields.u[i],
+                                            fields.d[i] - (reach / size) * lacking[i]);
+      if (!touches(out)) continue;
+      const Vec3<double> along = (1.0 / norm(out)) * out;
+      const Vec3<double> normal = std::max(0.0, dot(lacking[i], along)) * along;
+      now_[i] = {normal, normal - lacking[i], normal};
+    }
+  }
   void add_stops(NodeField& ways) const override {
     for (std::size_t i = 0; i < rest_.size(); ++i) ways[i] += now_[i].normal;
   }

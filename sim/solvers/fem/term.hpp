@@ -88,6 +88,9 @@ class FemTerm {
   // Contact only: brings the multipliers up to date with a solved step, and the bounds of friction
   // by the share `follow` of the way to what the normal forces now allow (0: they stay).
   virtual Correction correct(const FemFields&, double /*follow*/) { return {}; }
+  // Contact only, of a state whose multipliers are not known: where a node is no farther than
+  // `reach` (m) from an obstacle, they are what the other forces there lack of balance, N.
+  virtual void assume_contact(const FemFields&, const NodeField& /*lacking*/, double /*reach*/) {}
   // Adds the ways along which obstacles have stopped nodes in a solved step.
   virtual void add_stops(NodeField&) const {}
   // May change the velocity that a step ends with; `before` is that at its start.

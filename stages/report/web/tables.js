@@ -47,6 +47,26 @@ viscera.restReason = function (report) {
   return "when the run ended " + missing.map(name => words[name] ? words[name][1] : name).join(", ");
 };
 
+// How far the body at rest is off, as a sentence; null where no simulation is told of.
+viscera.errorBar = function (report) {
+  if (!report.stages.some(s => s.stage === "simulate")) return null;
+  const metric = name => viscera.metric(report, "simulate", name);
+  const mm = value => viscera.quantity(Number(value.toPrecision(2)), "mm");
+  const unknown = metric("error_bar_unknown"), total = metric("error_total");
+  if (unknown) return "How far the body is off is not known: " + unknown + ".";
+  if (typeof total !== "number") {
+    return "How far the body is off was not asked for (simulate: certify): of its error one run " +
+      "knows the solver's share alone.";
+  }
+  const share = viscera.quantity(Number((100 * metric("error_total_share")).toPrecision(2)), "percent");
+  const centroids = Object.entries(metric("error_centroids") || {});
+  return `At rest the body is off by ${mm(total)} (root mean square) or less, ${share} of its displacement: ` +
+    `solver ${mm(metric("error_solver"))}, elements ${mm(metric("error_element"))}, ` +
+    `mesh ${mm(metric("error_mesh"))}; centroids: ` +
+    centroids.map(([label, off]) => `${label} ${mm(off)}`).join(", ") +
+    ". Not in it: the surface's distance from the scan, the border of supports, materials and loads.";
+};
+
 viscera.verdict = function (report) {
   const {state, gates_passed: passed, gates_failed: failed} = report.verdict;
   const all = passed + failed;
@@ -62,6 +82,8 @@ viscera.verdict = function (report) {
   for (const caveat of report.verdict.caveats) {
     box.append(el("p", {class: "caveat"}, "⚠ " + caveat));
   }
+  const errorBar = viscera.errorBar(report);
+  if (errorBar) box.append(el("p", {}, errorBar));
   box.append(el("strong", {}, text), el("span", {class: "caution"}, "Not for clinical use"));
   const gateFailed = 5;  // the exit code whose message only names the gates
   for (const stage of report.stages.filter(s => s.message && s.exit !== gateFailed)) {
@@ -93,9 +115,13 @@ viscera.keyFigures = function (report) {
         viscera.restReason(report));
   }
   const error = viscera.metric(report, "simulate", "solver_error_bound");
-  if (typeof error === "number") {
+  const off = viscera.metric(report, "simulate", "error_total");
+  if (typeof off === "number") {
+    add("Error at rest", viscera.quantity(Number(off.toPrecision(2)), "mm"),
+        "root mean square, or less: solver, elements and mesh");
+  } else if (typeof error === "number") {
     add("Solver's error at rest", viscera.quantity(Number((100 * error).toPrecision(2)), "percent"),
-        "predicted bound; the mesh's error comes besides, and one run cannot know it");
+        "predicted bound; the error of elements and mesh comes besides (simulate: certify)");
   }
   const ratio = (report.series.volume_ratio || []).filter(v => v !== null);
   if (ratio.length) {

@@ -1,0 +1,147 @@
+#include "sim/error_bar.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sim/base/refusal.hpp"
+#include "sim/make.hpp"
+
+namespace viscera::sim {
+namespace {
+
+using Displacement = std::vector<Vec3<double>>;  // [n] m
+
+// Of the sum of all forces: at 1e-8 a liver of 10,000 tets on a plane gives the same four digits.
+constexpr double enough = 1e-5;
+
+enum class Element { linear, smoothed, quadratic };
+
+Element element_of(const Scene& scene, int order) {
+  if (order == 2) return Element::quadratic;
+  return scene.has<SmoothedNeoHookean>() ? Element::smoothed : Element::linear;
+}
+
+// The scene with its Neo-Hookean tissue on other elements, and on all of them: tets that the
+// stability policy has given another law are the tissue's again.
+Scene with(Element element, Scene scene) {
+  auto& plain = scene.params<NeoHookean>();
+  auto& smoothed = scene.params<SmoothedNeoHookean>();
+  const std::size_t laws = plain.size() + smoothed.size();
+  plain.clear(), smoothed.clear();
+  std::erase_if(scene.params<Corotational>(), [](const auto& law) { return !law.only.empty(); });
+  if (element == Element::smoothed) {
+    smoothed.resize(laws);
+  } else {
+    plain.resize(laws);
+  }
+  return scene;
+}
+
+State equilibrium(const Model& model, const Scene& scene, const State& from, Element element,
+                  const std::function<void()>& pause_point) {
+  SolverOptions newton{.method = Method::fem};
+  newton.fem.time = FemOptions::Time::quasi_static;
+  newton.fem.tolerance = enough;
+  newton.fem.order = element == Element::quadratic ? 2 : 1;
+  newton.pause_point = pause_point;
+  const auto solver = make_on_cpu(model, with(element, scene), newton);
+  solver->set_state(from);
+  solver->advance_frame();
+  State state = solver->state();
+  state.step = from.step;
+  return state;
+}
+
+class Norms {
+ public:
+  explicit Norms(const Model& model) : model_(model) {
+    for (const double m : model.mass) mass_ += m;
+  }
+
+  double of(const Displacement& u) const { return between(u, Displacement(u.size())); }
+  double between(const Displacement& a, const Displacement& b) const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      sum += model_.mass[i] * dot(a[i] - b[i], a[i] - b[i]);
+    }
+    return std::sqrt(sum / mass_);
+  }
+  // How far a material's centroid is in one from where it is in the other.
+  double centroid_between(const Displacement& a, const Displacement& b, int material) const {
+    Vec3<double> moved;
+    double volume = 0.0;
+    for (std::size_t t = 0; t < model_.tet_count(); ++t) {
+      if (model_.material_of[t] != material) continue;
+      for (const int v : model_.tets[t]) moved += (0.25 * model_.volume[t]) * (a[v] - b[v]);
+      volume += model_.volume[t];
+    }
+    return norm(moved) / volume;
+  }
+
+ private:
+  const Model& model_;
+  double mass_ = 0.0;
+};
+
+struct Equilibria {
+  Displacement run, own, linear, quadratic;
+};
+
+// `distance` of two fields.
+template <class Distance>
+ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
+  const double mesh = saturation / (1.0 - saturation) * distance(all.linear, all.quadratic);
+  return {distance(all.run, all.own), distance(all.own, all.quadratic), mesh,
+          distance(all.run, all.quadratic) + mesh};
+}
+
+}  // namespace
+
+ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int order,
+                   const std::function<void()>& pause_point) {
+  const Element own = element_of(scene, order);
+  ErrorBar bar;
+  if (!scene.has<NeoHookean>() && !scene.has<SmoothedNeoHookean>()) {
+    bar.unknown = "quadratic tets know neo_hookean alone";
+    return bar;
+  }
+  Equilibria all{.run = end.u};
+  try {
+    const auto find = [&](Element element, const State& from) {
+      return equilibrium(model, scene, from, element, pause_point);
+    };
+    const State still{end.u, Displacement(end.u.size()), end.step};
+    const State linear = find(Element::linear, still);
+    all.linear = linear.u;
+    all.quadratic = find(Element::quadratic, linear).u;
+    all.own = own == Element::linear      ? all.linear
+              : own == Element::quadratic ? all.quadratic
+                                          : find(own, still).u;
+  } catch (const Diverged& problem) {
+    bar.unknown = std::string("finite elements found no equilibrium: ") + problem.what();
+    return bar;
+  } catch (const Refusal& refusal) {
+    bar.unknown =
+        refusal.field + ", " + refusal.found + ": finite elements take " + refusal.allowed;
+    return bar;
+  }
+  const Norms norms(model);
+  if (!(norms.between(all.own, end.u) < model.size())) {
+    bar.unknown = "to finite elements nothing holds the body where the run left it";
+    return bar;
+  }
+  bar.displacement = parts_of(
+      all, [&norms](const Displacement& a, const Displacement& b) { return norms.between(a, b); });
+  bar.size = norms.of(all.quadratic);
+  for (std::size_t i = 0; i < end.u.size(); ++i) {
+    bar.largest = std::max(bar.largest, norm(end.u[i] - all.quadratic[i]));
+  }
+  for (std::size_t m = 0; m < model.materials.size(); ++m) {
+    bar.centroids.push_back(parts_of(all, [&](const Displacement& a, const Displacement& b) {
+      return norms.centroid_between(a, b, static_cast<int>(m));
+    }));
+  }
+  return bar;
+}
+
+}  // namespace viscera::sim

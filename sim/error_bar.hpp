@@ -1,0 +1,55 @@
+// How far a body at rest is off: what its solver leaves, what its elements add, and what the mesh
+// would still lack with better ones. Found after a run, by Newton's method on the same mesh from
+// where the run ended, with u the displacement there, u_1 and u_s the equilibria of linear tets and
+// of the run's own elements, and u_2 that of quadratic tets:
+//
+//   solver   |u - u_s|        iterations, time steps, what the rest that was found still lacks
+//   element  |u_s - u_2|
+//   mesh     s / (1 - s) |u_1 - u_2|    what quadratic tets are off themselves
+//   total    |u - u_2| + mesh
+//
+// The mesh's part rests on the saturation assumption of hierarchical error estimates (Bank and
+// Smith, "A posteriori error estimates based on hierarchical bases", SIAM J. Numer. Anal. 30,
+// 1993): on one mesh quadratic tets have at most the share s of the error e_1 of linear ones, where
+// e_1 is at most |u_1 - u_2| + s e_1. It is an assumption: docs/results/body.md holds totals
+// against the truth on bodies where it is known. |u| is the root mean square over the body's mass.
+//
+// What it does not know: how far the surface is from the patient's, the border of a support (which
+// is that of the mesh's vertices), materials and loads.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "sim/model/model.hpp"
+#include "sim/model/state.hpp"
+#include "sim/scene/scene.hpp"
+
+namespace viscera::sim {
+
+// Of the error of linear tets, what quadratic ones on the same mesh have at most. Where a support
+// ends on a smooth surface, stresses grow as 1 / sqrt(r), and there a mesh of degree p has an error
+// in energy, and so in compliance, as p^(-4/2) (Babuska and Suri, "The p and h-p versions of the
+// finite element method", SIAM Review 36, 1994, section 4, for the exponent 1/2): 2^-2. Where
+// nothing is as sharp it is less.
+inline constexpr double saturation = 0.25;
+
+struct ErrorParts {
+  double solver = 0.0, element = 0.0, mesh = 0.0, total = 0.0;  // m
+};
+
+struct ErrorBar {
+  std::string unknown;                // why there is none; empty: there is one
+  ErrorParts displacement;            // root mean square over the mass
+  double size = 0.0;                  // m, root mean square of u_2: what a share is of
+  double largest = 0.0;               // m, of u - u_2 at a vertex
+  std::vector<ErrorParts> centroids;  // of each material's centroid
+};
+
+// Of a body that rests in `end` under the elements `order` (1: the scene's, linear or smoothed; 2:
+// quadratic tets). `pause_point` is called between Newton steps.
+ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int order,
+                   const std::function<void()>& pause_point);
+
+}  // namespace viscera::sim

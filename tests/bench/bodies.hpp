@@ -1,0 +1,80 @@
+// The bodies whose elements the benchmarks judge, and their equilibria by Newton's method.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "stages/mesh/tet_io.hpp"
+#include "stages/simulate/body.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera {
+
+struct Body {
+  std::string name;
+  sim::Model model;
+  std::vector<std::size_t> judged;  // vertices
+};
+
+inline sim::Material tissue(double nu, double youngs_modulus) {
+  return {.youngs_modulus = youngs_modulus, .poisson_ratio = nu, .density = 1060.0};
+}
+
+inline Body liver(const char* file, double nu) {
+  const TetMesh mesh = read_vtu(file);
+  std::map<int, sim::Material> materials;
+  for (const auto& [label, name] : mesh.label_names) materials[label] = tissue(nu, 5e3);
+  Body body{fmt::format("{} tets", mesh.tets.size()), make_body(mesh, materials), {}};
+  double top = -HUGE_VAL;
+  for (const auto& x : body.model.rest) top = std::max(top, x.z);
+  for (std::size_t i = 0; i < body.model.vertex_count(); ++i) {
+    body.model.fixed[i] = body.model.rest[i].z > top - 0.03;
+    body.judged.push_back(i);
+  }
+  return body;
+}
+
+// Of `fine` cells across; judged where all bars have a vertex.
+inline Body bar(int fine, double nu) {
+  Body body{fmt::format("bar of {} tets", 5 * fine * fine * (10 * fine / 3)),
+            sim::make_five_tet_box({0.1, 0.03, 0.03}, {10 * fine / 3, fine, fine}, tissue(nu, 5e5)),
+            {}};
+  for (std::size_t i = 0; i < body.model.vertex_count(); ++i) {
+    const auto& x = body.model.rest[i];
+    body.model.fixed[i] = x.x < -0.05 + 1e-9;
+    const auto on_grid = [](double at) {
+      return std::abs(at - 0.01 * std::round(at / 0.01)) < 1e-9;
+    };
+    if (on_grid(x.x + 0.05) && on_grid(x.y + 0.015) && on_grid(x.z + 0.015))
+      body.judged.push_back(i);
+  }
+  return body;
+}
+
+inline sim::Scene scene_of(bool smoothed, int substeps) {
+  sim::Scene scene;
+  if (smoothed) {
+    scene.params<sim::SmoothedNeoHookean>().emplace_back();
+  } else {
+    scene.params<sim::NeoHookean>().emplace_back();
+  }
+  scene.params<sim::Gravity>().emplace_back().direction = {0.0, 1.0, 0.0};
+  scene.time.substeps = substeps;
+  return scene;
+}
+
+inline sim::State by_newton(const sim::Model& model, const sim::Scene& scene, int order) {
+  sim::SolverOptions newton{.method = sim::Method::fem};
+  newton.fem.time = sim::FemOptions::Time::quasi_static;
+  newton.fem.order = order;
+  const auto solver = make_on_cpu(model, scene, newton);
+  solver->advance_frame();
+  sim::State state = solver->state();
+  state.step = 0;
+  state.history.clear();
+  return state;
+}
+
+}  // namespace viscera

@@ -1,0 +1,154 @@
+// The error bar of a body at rest: against the truth where it is known, and what it says where it
+// is not.
+#include "sim/error_bar.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/sim/refine.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+using Displacement = std::vector<Vec3<double>>;
+
+const Material flesh = {.youngs_modulus = 5e4, .poisson_ratio = 0.45, .density = 1060.0};
+
+Scene held_scene(bool smoothed) {
+  Scene scene;
+  if (smoothed) {
+    scene.params<SmoothedNeoHookean>().emplace_back();
+  } else {
+    scene.params<NeoHookean>().emplace_back();
+  }
+  scene.params<Gravity>().emplace_back().direction = {0.0, 1.0, 0.0};
+  scene.params<Fixed>().emplace_back().side = "right";
+  return scene;
+}
+
+Model bar() {
+  return make_five_tet_box({0.08, 0.02, 0.02}, {8, 2, 2}, flesh);
+}
+
+State equilibrium(const Model& model, const Scene& scene, int order) {
+  SolverOptions newton{.method = Method::fem};
+  newton.fem.time = FemOptions::Time::quasi_static;
+  newton.fem.order = order;
+  const auto solver = make_on_cpu(model, scene, newton);
+  solver->advance_frame();
+  const State found = solver->state();
+  return {found.u, Displacement(found.u.size()), found.step};
+}
+
+double off(const Model& model, const Displacement& u, const Displacement& truth) {
+  double sum = 0.0, mass = 0.0;
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    sum += model.mass[i] * dot(u[i] - truth[i], u[i] - truth[i]);
+    mass += model.mass[i];
+  }
+  return std::sqrt(sum / mass);
+}
+
+TEST(ErrorBar, OfABentBarIsNoLessThanTheTrueErrorAndAtMostThreeTimesAsMuch) {
+  const Model model = bar();
+  const Model fine = cut_in_eight(model);
+  Displacement truth = equilibrium(fine, held_scene(false), 2).u;
+  truth.resize(model.vertex_count());
+  for (const bool smoothed : {false, true}) {
+    const Scene scene = held_scene(smoothed);
+    const State end = equilibrium(model, scene, 1);
+    const ErrorBar bar = error_bar(model, scene, end, 1, [] {});
+    ASSERT_EQ(bar.unknown, "");
+    const double found = off(model, end.u, truth);
+    EXPECT_GT(found, 0.03 * bar.size) << "a coarse bar has an error to find";
+    EXPECT_GE(bar.displacement.total, found) << smoothed;
+    EXPECT_LE(bar.displacement.total, 3.0 * found) << smoothed;
+    EXPECT_LT(bar.displacement.solver, 1e-3 * bar.size);
+    ASSERT_EQ(bar.centroids.size(), 1u);
+    EXPECT_GT(bar.centroids[0].total, 0.0);
+    EXPECT_LT(bar.centroids[0].total, bar.displacement.total + bar.largest);
+    EXPECT_GE(bar.largest, bar.displacement.element);
+  }
+}
+
+TEST(ErrorBar, GivesTheSolverWhatTheRunIsOffTheEquilibriumOfItsOwnElements) {
+  const Model model = bar();
+  const Scene scene = held_scene(true);
+  State end = equilibrium(model, scene, 1);
+  const ErrorBar before = error_bar(model, scene, end, 1, [] {});
+  const Vec3<double> shift{0.0, 0.0, 2e-4};
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    if (model.rest[i].x > -0.04 + 1e-9) end.u[i] += shift;
+  }
+  const ErrorBar after = error_bar(model, scene, end, 1, [] {});
+  ASSERT_EQ(after.unknown, "");
+  EXPECT_NEAR(after.displacement.solver, norm(shift), 0.1 * norm(shift));
+  EXPECT_NEAR(after.displacement.element, before.displacement.element,
+              1e-3 * before.displacement.element);
+  EXPECT_NEAR(after.displacement.mesh, before.displacement.mesh, 1e-3 * before.displacement.mesh);
+}
+
+TEST(ErrorBar, OfARunOfQuadraticTetsIsWhatTheMeshLeaves) {
+  const Model model = bar();
+  const Scene scene = held_scene(false);
+  const ErrorBar bar = error_bar(model, scene, equilibrium(model, scene, 2), 2, [] {});
+  ASSERT_EQ(bar.unknown, "");
+  EXPECT_LT(bar.displacement.solver, 1e-3 * bar.size);
+  EXPECT_EQ(bar.displacement.element, 0.0);
+  EXPECT_GT(bar.displacement.mesh, 0.0);
+}
+
+TEST(ErrorBar, CountsTetsThatThePolicyGaveAnotherLawAsTheTissuesOwn) {
+  const Model model = bar();
+  Scene switched = held_scene(false);
+  std::vector<char> taken(model.tet_count(), 0);
+  for (std::size_t t = 0; t < taken.size(); t += 2) taken[t] = 1;
+  switched.params<NeoHookean>().front().taken = taken;
+  switched.params<Corotational>().emplace_back().only = taken;
+  const State end = equilibrium(model, held_scene(false), 1);
+  const ErrorBar bar = error_bar(model, switched, end, 1, [] {});
+  ASSERT_EQ(bar.unknown, "");
+  EXPECT_LT(bar.displacement.solver, 1e-3 * bar.size);
+}
+
+TEST(ErrorBar, IsUnknownWithItsReasonWhereQuadraticTetsDoNotKnowTheScene) {
+  const Model model = bar();
+  Scene other = held_scene(false);
+  other.params<NeoHookean>().clear();
+  other.params<Linear>().emplace_back();
+  const State end = equilibrium(model, held_scene(false), 1);
+  EXPECT_NE(error_bar(model, other, end, 1, [] {}).unknown.find("neo_hookean"), std::string::npos);
+  Scene fibred = held_scene(false);
+  fibred.params<Fibre>().push_back(sample_params<Fibre>());
+  EXPECT_NE(error_bar(model, fibred, end, 1, [] {}).unknown.find("fibre"), std::string::npos);
+}
+
+// On a slope that friction holds the body on, without a hold: to a solver that begins without
+// contact forces it slides away.
+TEST(ErrorBar, OfABodyThatFrictionHoldsDoesNotCountASlideThatIsNotThere) {
+  const Model model = make_five_tet_box({0.04, 0.04, 0.02}, {4, 4, 2}, flesh);
+  Scene scene;
+  scene.params<NeoHookean>().emplace_back();
+  scene.params<Viscosity>().emplace_back();
+  scene.params<Gravity>().emplace_back();
+  auto& slope = scene.params<Ground>().emplace_back();
+  slope.normal = {0.2, 0.0, 1.0}, slope.clearance = 0.0, slope.friction = 0.5;
+  scene.time.substeps = 64;
+  const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp64});
+  for (int frame = 0; frame < 60; ++frame) solver->advance_frame();
+  const ErrorBar bar = error_bar(model, scene, solver->state(), 1, [] {});
+  ASSERT_EQ(bar.unknown, "");
+  EXPECT_LT(bar.displacement.total, 2e-4) << "m: the body is 20 mm high and sinks by some .1 mm";
+  EXPECT_LT(bar.displacement.solver, 2e-5);
+}
+
+TEST(ErrorBar, IsUnknownWhereNothingHoldsTheBody) {
+  const Model model = bar();
+  Scene scene = held_scene(false);
+  scene.params<Fixed>().clear();
+  State end{Displacement(model.vertex_count()), Displacement(model.vertex_count()), 10};
+  EXPECT_NE(error_bar(model, scene, end, 1, [] {}).unknown, "");
+}
+
+}  // namespace
+}  // namespace viscera::sim
