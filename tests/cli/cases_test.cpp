@@ -114,6 +114,16 @@ TEST_F(Cases, AGatheringStageDoesWithoutTheCaseThatMadeNothing) {
   EXPECT_EQ(text.substr(0, text.find('\n')), "hello [\"one\"]");
 }
 
+TEST_F(Cases, AStageThatReadsHowAllOfThemWentIsDoneAsLongAsThatStays) {
+  const std::string tail = "cases:\n  one: {words: first}\n  two: {}\ngather:\n  census: {}\n";
+  ASSERT_EQ(run(tail).exit, 0);
+  const auto why = [this] { return work_.viscera({"why", "many.yaml", "census"}).out; };
+  EXPECT_EQ(why(), "census: cached\n");
+  work_.write("many.yaml", head + tail + "  many: {}\n");
+  EXPECT_EQ(why(), "census: cached\n") << "other stages that gather are no part of it";
+  EXPECT_EQ(starts("census"), 1u);
+}
+
 TEST_F(Cases, OneOfThemRunsAlone) {
   const std::string tail = "cases:\n  one: {words: first}\n  two: {}\ngather:\n  many: {}\n";
   EXPECT_EQ(run(tail, {"--case", "two"}).exit, 0);

@@ -67,6 +67,16 @@ TEST_F(Inspect, StatusSaysWhatIsDoneToDoOrFailed) {
   EXPECT_EQ(count(out({"status", "spec.yaml"}), "done"), 3) << "a success ends a failure";
 }
 
+TEST_F(Inspect, StatusShowsOfEveryResultWhatItTookAndHowItsGatesWent) {
+  const std::string done = out({"status", "spec.yaml"});
+  EXPECT_EQ(count(done, " MB  "), 3) << done;
+  EXPECT_EQ(count(done, " s  "), 3) << done;
+  EXPECT_EQ(count(done, "1 passed\n"), 1) << done;
+  const std::string open = out({"status", "spec.yaml", "--set", "beta.size=5mm"});
+  EXPECT_EQ(count(open, " MB  "), 1) << "of alpha alone is there one\n" << open;
+  EXPECT_EQ(count(open, "passed"), 0) << open;
+}
+
 TEST_F(Inspect, StatusSaysOfAFailedGateWhatToChange) {
   EXPECT_EQ(work_.run({"--set", "beta.limit=1"}).exit, 5);
   work_.started();

@@ -39,6 +39,14 @@ class Upkeep : public testing::Test {
       count += entry.is_regular_file();
     return count;
   }
+  std::uintmax_t bytes() const {  // of results and what they name
+    std::uintmax_t total = 0;
+    for (const char* folder : {"entries", "objects"})
+      for (const auto& file :
+           fs::recursive_directory_iterator(work_.path(std::string("out/.cache/") + folder)))
+        if (file.is_regular_file()) total += file.file_size();
+    return total;
+  }
   CommandResult gc(const std::vector<std::string>& options) const {
     std::vector<std::string> all = {"gc"};
     all.insert(all.end(), options.begin(), options.end());
@@ -65,18 +73,19 @@ TEST_F(Upkeep, GcRemovesWhatWasNotUsedForLongAndTheObjectsThatOnlyThatNamed) {
 TEST_F(Upkeep, GcKeepsToItsSizeTheLongestUnusedFirstAndATakenResultIsAsNew) {
   age("beta", 3.0), age("gamma", 3.0), age("alpha", 3.0);
   make(5);  // takes alpha and its beta and gamma
-  std::uintmax_t total = 0;
-  for (const char* folder : {"entries", "objects"})
-    for (const auto& file :
-         fs::recursive_directory_iterator(work_.path(std::string("out/.cache/") + folder)))
-      if (file.is_regular_file()) total += file.file_size();
-  const auto found = gc({"--max-size", std::to_string(total * 6 / 10)});
+  const auto found = gc({"--max-size", std::to_string(bytes() * 6 / 10)});
   EXPECT_EQ(found.exit, 0) << found.errors;
   work_.started();
   make(5);
   EXPECT_EQ(work_.started(), "");
   make(6);
   EXPECT_NE(work_.started(), "");
+}
+
+TEST_F(Upkeep, TheSizeThatGcKeepsToIsThatOfResultsAndObjectsToTheByte) {
+  EXPECT_TRUE(contains(gc({"--max-size", std::to_string(bytes())}).out, "removed 0 of 7 results"));
+  const auto found = gc({"--max-size", std::to_string(bytes() - 1)});
+  EXPECT_TRUE(contains(found.out, "removed 1 of 7 results")) << found.out;
 }
 
 TEST_F(Upkeep, ADryRunOfGcSaysTheSameAndLeavesTheTreeAsItIs) {

@@ -111,6 +111,7 @@ TEST(Manifest, SurvivesTheWayThroughJson) {
   const GateInfo angle("min_dihedral", ">=", "deg", "The mesh has slivers.", "lower cell_size");
   manifest.gates.push_back(judged(angle, 9.0, 10.0, {.where = "there", .at = {{1, 2, 3}}}));
   manifest.caveats = {"The body is cut."};
+  manifest.wall_s = 2.5, manifest.cpu_s = 4.5, manifest.max_rss_mb = 80.0;
   const Json json = to_json(manifest);
   EXPECT_EQ(to_json(manifest_from_json({json, "manifest.json"})), json);
   EXPECT_FALSE(manifest.gates[0].passed());

@@ -53,6 +53,10 @@ TEST(JsonValue, NamesThePlaceOfWhatIsMissingOrOfAnotherType) {
             "a.json: ms: \"fast\" | an object");
   EXPECT_EQ(said(text, [](const JsonValue& json) { json["runs"].texts(); }),
             "a.json: runs[0]: {\"name\":7} | a text");
+  for (const std::string none : {"{}", "{\"a\":1}", "7", "\"a\""}) {
+    EXPECT_EQ(said(none, [](const JsonValue& json) { json.items(); }),
+              "a.json: : " + none + " | a list");
+  }
 }
 
 TEST(JsonValue, TakesNoNumberThatDoesNotFit) {

@@ -60,6 +60,13 @@ TEST(Param, OutOfRangeWrongTypeAndUnknownChoiceAreRefused) {
   }
 }
 
+TEST(Param, ABoundItselfIsAllowed) {
+  for (const Json& given : {Json{{"cell_size", "0.1mm"}}, Json{{"cell_size", "100mm"}},
+                            Json{{"cell_size", "10cm"}}, Json{{"iterations", 1}}}) {
+    EXPECT_NO_THROW(resolve(declared, given, "spec.yaml")) << given;
+  }
+}
+
 TEST(Param, CommandLineTextReadsAsNumbersListsAndMaps) {
   EXPECT_EQ(value_from_text("5mm"), "5mm");
   EXPECT_EQ(value_from_text("12"), 12);

@@ -109,6 +109,21 @@ TEST(RunFolders, AStageThatIsNewInACaseTakesAsLongAsItTookInOthersOnAverage) {
   EXPECT_EQ(folders.seconds_left(settled), 2 * 15.0);
 }
 
+TEST(RunFolders, EveryStageThatItsCaseMadeBeforeTakesAsLongAsThen) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  Store store(folder.path() / "cache", false);
+  const Plan plan = {planned("alpha", "a"), planned("beta", "a"), planned("gamma", "a")};
+  RunFolders folders(plan, folder.path() / "out");
+  std::string held_by;
+  ASSERT_TRUE(folders.open(0, held_by));
+  const std::vector<double> seconds = {100.0, 10.0, 20.0};
+  for (std::size_t stage = 0; stage < plan.size(); ++stage)
+    folders.lay_out(stage, ended(ExitCode::ok, "", seconds[stage]), store, "");
+  EXPECT_EQ(folders.seconds_left({false, false, false}), 130.0);
+  EXPECT_EQ(folders.seconds_left({true, false, false}), 30.0);
+  EXPECT_EQ(folders.seconds_left({true, true, false}), 20.0);
+}
+
 TEST(Origin, OfParamsThoseThatWereLeftUnsetAreNotListed) {
   const TemporaryFolder folder(fs::temp_directory_path());
   const fs::path result = folder.path() / "result.txt";

@@ -52,6 +52,8 @@ TEST_F(Yaml, DeepNestingIsRefusedHoweverDeep) {
 
 TEST_F(Yaml, ALargeFileIsRefusedBeforeItIsRead) {
   expect_refused("a: " + std::string(max_yaml_bytes, 'x'), "larger than 1 MiB");
+  const std::string head = "a: ";
+  EXPECT_EQ(refusal(head + std::string(max_yaml_bytes - head.size(), 'x')), "accepted");
 }
 
 TEST_F(Yaml, ABraceInAPlainTextHasItsRemedyOnTheLineThatHoldsIt) {

@@ -1,16 +1,40 @@
 // A first reading in a process of its own: every way in which a reader ends is told from a return.
 #include "pipeline/base/trial_read.hpp"
 
+#include <dlfcn.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <csignal>
 #include <cstdlib>
+#include <iterator>
 #include <new>
 #include <stdexcept>
 
+namespace {
+
+bool no_process_to_spare = false;
+
+}  // namespace
+
+// In place of the C library's: no limit on processes holds for root, as whom tests may run.
+extern "C" pid_t fork() noexcept {
+  static const auto real = reinterpret_cast<pid_t (*)()>(dlsym(RTLD_NEXT, "fork"));
+  if (!no_process_to_spare) return real();
+  errno = EAGAIN;
+  return -1;
+}
+
 namespace viscera {
 namespace {
+
+namespace fs = std::filesystem;
+
+std::ptrdiff_t open_files() {
+  return std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator());
+}
 
 std::string what_breaks(const std::function<void()>& read) {
   return what_breaks_reading("/proc/self/exe", read);
@@ -64,6 +88,39 @@ TEST(TrialRead, NothingIsHandedOverByAReaderThatCrashesOrThrows) {
   const ChildReading refused = read_in_child("/proc/self/exe", refuse);
   EXPECT_EQ(refused.broken, "");
   EXPECT_EQ(refused.result, "");
+}
+
+TEST(TrialRead, NoFileIsLeftOpen) {
+  const auto before = open_files();
+  EXPECT_EQ(what_breaks([] {}), "");
+  EXPECT_EQ(open_files(), before);
+}
+
+TEST(TrialRead, WithoutAProcessToSpareThisOneReadsAndLeavesNoFileOpen) {
+  const auto before = open_files();
+  int readings = 0;
+  const auto read = [&readings] {
+    ++readings;
+    return std::string("some");
+  };
+  no_process_to_spare = true;
+  const ChildReading handed = read_in_child("/proc/self/exe", read);
+  no_process_to_spare = false;
+  EXPECT_EQ(handed.broken, "");
+  EXPECT_EQ(handed.result, "some");
+  EXPECT_EQ(readings, 1);
+  EXPECT_EQ(open_files(), before);
+}
+
+// Whoever starts us may have chosen so (it is inherited): the system then keeps no child's end.
+TEST(TrialRead, AProcessThatIgnoresTheEndsOfItsChildrenDoesNotWaitForThemForEver) {
+  const auto read_and_exit = [] {
+    alarm(10);  // seconds until this ends the process
+    std::signal(SIGCHLD, SIG_IGN);
+    const auto read = [] { return std::string("some"); };
+    _Exit(read_in_child("/proc/self/exe", read).result == "some" ? 0 : 1);
+  };
+  EXPECT_EXIT(read_and_exit(), testing::ExitedWithCode(0), "");
 }
 
 }  // namespace
