@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        docs gallery live soak bench-solver bench-body bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
+        docs gallery live soak bench-solver bench-body bench-error bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -145,6 +145,10 @@ BENCH_BODY_CSV ?= out/bench/body.csv
 BENCH_NU ?= 0.3,0.45,0.49,0.499
 bench-body: $(BENCH)/mesh.vtu ## how far linear tets and smoothed elements are off quadratic ones, and what they cost: BENCH_MESHES, _NU, _BODY_CSV
 	@mkdir -p out/bench && $(BIN)/bench_body $(BENCH_BODY_CSV) $(BENCH_NU) $(BENCH_MESHES) bar
+
+BENCH_ERROR_CSV ?= out/bench/error_bar.csv
+bench-error: build ## error bars beside true errors, where these are known: BENCH_ERROR_MESHES (livers of some 4,000 tets), _CSV
+	@mkdir -p out/bench && $(BIN)/bench_error $(BENCH_ERROR_CSV) $(BENCH_ERROR_MESHES)
 
 bench-gpu: $(BENCH)/mesh.vtu ## what accuracy costs on this machine's GPU: BENCH_MESHES
 	@mkdir -p out/bench && $(BIN)/bench_gpu out/bench/gpu.csv 5 0.45 $(BENCH_MESHES)

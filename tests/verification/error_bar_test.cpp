@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/refine.hpp"
+#include "tests/verification/refine.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
