@@ -128,6 +128,31 @@ TEST(VolumeBound, NoTetOfABodyFallsWhateverASubstepDoesToIt) {
   }
 }
 
+// Two tets that share a vertex and one apart from them, of which one vertex is held.
+TEST(JoinedVertices, AreLedByTheMeanOfTheirGroupOnceEach) {
+  constexpr int count = 11;
+  std::vector<int> group_of(count, -1), members(count), led(count);
+  std::vector<Row<double>> d(count);
+  for (int v = 0; v < count; ++v) d[v] = {{1.0 * v, 0.0, 1.0}, 1.0 / (1.0 + v)};
+  d[9].w = 0.0;
+  JoinedVertices<double> joined{group_of.data(), members.data()};
+  for (const Tet& tet : {Tet{0, 1, 2, 3}, Tet{7, 8, 9, 10}, Tet{4, 5, 6, 0}}) {
+    EXPECT_TRUE(joined.join(tet));
+    EXPECT_FALSE(joined.join(tet));
+  }
+  EXPECT_EQ(joined.count, count);
+  joined.lead([&](int v) { return d[v]; },
+              [&](int v, const Vec3<double>& to) { ++led[v], d[v].v = to; });
+  double mass = 0.0, moment = 0.0;
+  for (int v = 0; v < 7; ++v) mass += 1.0 + v, moment += (1.0 + v) * v;
+  for (int v = 0; v < count; ++v) {
+    EXPECT_EQ(led[v], v == 9 ? 0 : 1) << v;
+    EXPECT_NEAR(d[v].v.x, v < 7 ? moment / mass : 9.0, 1e-14) << v;
+  }
+  joined.part();
+  EXPECT_EQ(group_of, std::vector<int>(count, -1));
+}
+
 class PressedBody : public testing::TestWithParam<int> {};
 
 TEST_P(PressedBody, HasNoTetInsideOutAtTheEndOfAnyFrame) {
