@@ -380,32 +380,60 @@ TEST(Blocks, WhereRelaxingWouldSoftenTheBodyElementsAreEvaluatedAnew) {
 
 // The mean over all elements of what relaxing takes from their stiffness decides.
 TEST(Blocks, ElementsAreLinearisedUpToTheLargestSofteningAndNotBeyond) {
-  const Model model = make_cube(1);  // of six tets, each of which counts
-  const auto softening = [&](double dt) {
-    const Tets tets(model, dt);
-    double lost = 0.0, total = 0.0;
-    for (std::size_t t = 0; t < model.tet_count(); ++t) {
-      double mobility[4];
-      for (int i = 0; i < 4; ++i) {
-        mobility[i] = dt * dt / model.mass[tets.own().vertices[t][i]];
+  const Model alike = make_cube(1);  // of six tets, each of which counts
+  for (std::size_t stiffer = 0; stiffer <= alike.tet_count(); ++stiffer) {
+    Model model = alike;
+    model.materials.push_back(soft_tissue);
+    model.materials.back().youngs_modulus *= 30.0;
+    if (stiffer < model.tet_count()) model.material_of[stiffer] = 1;
+    const auto softening = [&](double dt) {
+      const Tets tets(model, dt);
+      double lost = 0.0, total = 0.0;
+      for (std::size_t t = 0; t < model.tet_count(); ++t) {
+        double mobility[4];
+        for (int i = 0; i < 4; ++i) {
+          mobility[i] = dt * dt / model.mass[tets.own().vertices[t][i]];
+        }
+        const double kept = Eliminated<NeoHookean>::relaxation(tets.own().rest[t], mobility);
+        lost += model.volume[t] * (1.0 / kept - 1.0), total += model.volume[t];
       }
-      const double kept = Eliminated<NeoHookean>::relaxation(tets.own().rest[t], mobility);
-      lost += model.volume[t] * (1.0 / kept - 1.0), total += model.volume[t];
+      return lost / total;
+    };
+    const auto step_with = [&](double target) {
+      double low = 1e-4, high = 1.0;
+      for (int k = 0; k < 100; ++k) {
+        const double middle = std::sqrt(low * high);
+        (softening(middle) < target ? low : high) = middle;
+      }
+      return low;
+    };
+    for (const double share : {0.98, 1.02}) {
+      const Tets tets(model, step_with(share * max_softening));
+      const BlockLayout layout(model, tets.program, 1000000, BlockTeam{32, 1000000});
+      EXPECT_EQ(layout.linearizes(tets.own(), tets.program, 0.0), share < 1.0) << share;
     }
-    return lost / total;
-  };
-  const auto step_with = [&](double target) {
-    double low = 1e-4, high = 1.0;
-    for (int k = 0; k < 100; ++k) {
-      const double middle = std::sqrt(low * high);
-      (softening(middle) < target ? low : high) = middle;
-    }
-    return low;
-  };
-  for (const double share : {0.98, 1.02}) {
-    const Tets tets(model, step_with(share * max_softening));
-    const BlockLayout layout(model, tets.program, 1000000, BlockTeam{32, 1000000});
-    EXPECT_EQ(layout.linearizes(tets.own(), tets.program, 0.0), share < 1.0) << share;
+  }
+}
+
+// On a device the tables of a block's effects stand one after the other.
+TEST(Blocks, ATableOfPhasesEndsWhereAllThatASweepReadsAheadStands) {
+  const std::vector<int> phase_begin = {0, 3, 5, 6, 10}, block_phase = {0, 3, 4};
+  const std::vector<LocalVertices<4>> vertices(10);
+  std::vector<Piece> pieces(10);
+  EffectView<NeoHookean, double> all{.vertices = vertices.data(),
+                                     .history = nullptr,
+                                     .phase_begin = phase_begin.data(),
+                                     .block_phase = block_phase.data()};
+  for (auto& plane : all.rest.planes) plane = pieces.data();
+  const std::vector<int> expected[] = {{0, 3, 5, 6, 6, 6, 6}, {0, 4, 4, 4, 4}};
+  for (int block = 0; block < 2; ++block) {
+    std::vector<int> table(16, -1);
+    BlockView<NeoHookean, double> view;
+    int* const end = view_of_block(all, block, 0, 1, table.data(), view);
+    ASSERT_EQ(end - table.data(), table_size(view.phases));
+    EXPECT_EQ(std::vector<int>(table.data(), end), expected[block]);
+    EXPECT_EQ(*end, -1);
+    EXPECT_EQ(view.vertices - vertices.data(), block == 0 ? 0 : 6);
   }
 }
 

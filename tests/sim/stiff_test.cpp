@@ -2,6 +2,7 @@
 #include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/xpbd/damping_choice.hpp"
 #include "sim/solvers/xpbd/held_forces.hpp"
+#include "sim/step/vertex_steps.hpp"
 #include "tests/sim/loaded_bodies.hpp"
 
 namespace viscera::sim {
@@ -77,6 +78,41 @@ TEST(ViscousStep, AChangeThatWouldAddEnergyIsNotMade) {
   EXPECT_EQ(share_that_loses_energy(3.0, 2.0), 1.0);
 }
 
+// The shorter of an eighth of a frame and a twentieth of the slowest swing, in whole substeps.
+TEST(ViscousStep, IsDueAsOftenAsTheFrameAndTheSlowestSwingAskFor) {
+  const StiffBar bar({4, 2, 2}, 0.3, 0.03);
+  const double of_swing = 0.05 / slowest_frequency(bar.model);
+  for (const double of_frame : {0.1 * of_swing, 10.0 * of_swing}) {
+    Scene scene = bar.scene;
+    scene.time = {.frame_s = 8.0 * of_frame, .substeps = 8000};
+    const ViscousStep step = ViscousStep::of(bar.model, scene, 1.0);
+    const double longest = std::min(of_frame, of_swing);
+    EXPECT_LE(step.tau(), longest * (1.0 + 1e-12));
+    EXPECT_GT(step.tau(), longest - 1.001 * scene.time.substep_s());
+  }
+}
+
+// An explicit force that gives .85 of the damping is enough where damping that is solved for would
+// leave out changes of volume: where lambda / (2 mu) is more than 25.
+TEST(ViscousStep, IsTakenBelowItsShareOfDampingAndOfTissueThatIsNotNearlyIncompressible) {
+  for (const double poisson_ratio : {0.45, 0.489, 0.491, 0.495}) {
+    Material material = soft_tissue;
+    material.poisson_ratio = poisson_ratio;
+    const Model model = make_cube(2, material);
+    Scene scene = elastic_scene();
+    scene.params<Viscosity>().emplace_back();
+    double low = 1e-6, high = 1.0;  // s over which forces act, in a pass
+    for (int k = 0; k < 100; ++k) {
+      const double middle = std::sqrt(low * high);
+      (ExplicitDamping::of(model, middle).share > 0.85 ? low : high) = middle;
+    }
+    const ViscousStep step = ViscousStep::of(model, scene, ViscousStep::max_passes * low);
+    const auto [lambda, mu] = lame(material);
+    EXPECT_EQ(static_cast<bool>(step), 0.5 * lambda / mu <= 25.0) << poisson_ratio;
+    EXPECT_EQ(step.passes, step ? 1 : ViscousStep::max_passes) << poisson_ratio;
+  }
+}
+
 TEST(StiffBar, AnyNumberOfThreadsGivesTheSameBits) {
   StiffBar bar({10, 3, 3}, 0.45, 0.03);
   bar.scene.accuracy_limit = 0.01;
@@ -101,6 +137,27 @@ TEST(HeldForces, AreTakenUpWhereARunWasLeft) {
   resumed->set_state(half);
   for (auto* solver : {whole.get(), resumed.get()}) solver->advance_frame();
   EXPECT_EQ(resumed->state().hash(), whole->state().hash());
+}
+
+// What the parts of a substep see of one vertex.
+struct OneVertex {
+  bool free;
+  mutable Vec3<double> moved;
+  bool is_free(int) const { return free; }
+  Vec3<double>& d(int) const { return moved; }
+};
+
+TEST(HeldForces, MoveVerticesThatAreFreeAndNoOthers) {
+  for (const bool free : {true, false}) {
+    const OneVertex vertex{free, {1.0, 2.0, 3.0}};
+    Vec3<double> held = {0.5, 0.0, -0.25}, added;
+    ApplyHeldForces<double>{&held, &added}(vertex, 0);
+    EXPECT_EQ(vertex.moved, (free ? Vec3<double>{1.5, 2.0, 2.75} : Vec3<double>{1.0, 2.0, 3.0}));
+    vertex.moved += Vec3<double>{0.0, 4.0, 0.0};  // by the sweep
+    RenewHeldForces<double>{0.5, &held, &added}(vertex, 0);
+    EXPECT_EQ(added, (free ? Vec3<double>{0.0, 4.0, 0.0} : Vec3<double>{}));
+    EXPECT_EQ(held, (free ? Vec3<double>{0.5, 2.0, -0.25} : Vec3<double>{0.5, 0.0, -0.25}));
+  }
 }
 
 double bound_of(const StiffBar& bar) {

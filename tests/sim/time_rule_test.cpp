@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/measures/stability.hpp"
+#include "sim/solvers/xpbd/program.hpp"
 #include "tests/sim/swinging_bar.hpp"
 
 namespace viscera::sim {
@@ -85,6 +86,23 @@ TEST(TimeRule, AStateGoesOnAsItWouldHave) {
     moved = std::max(moved, norm(whole->state().u[i] - middle.u[i]));
   }
   EXPECT_LE(rms_difference(resumed->state(), whole->state()), 0.01 * moved);
+}
+
+// Where a state does not say what its last substep has added.
+TEST(TimeRule, NothingIsAddedToAVertexThatIsHeldAndItsFallToOthers) {
+  const SwingingBar swing;
+  const Program<double> program(swing.model, swing.scene, 2);
+  const std::vector<Vec3<double>> none(swing.model.vertex_count());
+  const auto added = program.added_before({none, none});
+  const double fall = 9.80665 * swing.scene.time.substep_s();
+  int held = 0;
+  for (std::size_t i = 0; i < added.size(); ++i) {
+    const bool is_held = program.inverse_mass[i] == 0.0;
+    held += is_held;
+    EXPECT_NEAR(norm(added[i].v), is_held ? 0.0 : fall, 1e-12 * fall) << i;
+    EXPECT_EQ(norm(added[i].u) == 0.0, is_held) << i;
+  }
+  EXPECT_EQ(held, 9);
 }
 
 }  // namespace

@@ -128,6 +128,116 @@ TEST(VolumeBound, NoTetOfABodyFallsWhateverASubstepDoesToIt) {
   }
 }
 
+// The bound at the end of a frame, as it is written down: all tets one after the other.
+class InOrder {
+ public:
+  InOrder(const Model& model, const std::vector<Row<double>>& u, std::vector<Row<double>>& d)
+      : model_(model), u_(u), d_(d), moved_(d.size()), group_of_(d.size(), -1), members_(d.size()) {
+    for (std::size_t t = 0; t < model.tet_count(); ++t) {
+      watched_.push_back(tet_at(t).strain_after() < VolumeBound::watched - 1.0);
+    }
+  }
+  void correct() {
+    repeat(VolumeBound::pushes, [](auto& tet) { return tet.push(); });
+    repeat(VolumeBound::halts, [](auto& tet) { return tet.halt(); });
+    JoinedVertices<double> joined{group_of_.data(), members_.data()};
+    for (bool any = true; any;) {
+      any = false;
+      const auto falling = tets_of([&](std::size_t t) {
+        const bool is_looked_at =
+            watched_[t] || std::ranges::any_of(model_.tets[t], [&](int v) { return moved_[v]; });
+        return is_looked_at && tet_at(t).falls();
+      });
+      for (const std::size_t t : falling) any = joined.join(model_.tets[t]) || any;
+      joined.lead([&](int v) { return d_[v]; },
+                  [&](int v, const Vec3<double>& to) { move(v, to); });
+    }
+  }
+
+ private:
+  MovingTet<double> tet_at(std::size_t t) const {
+    MovingTet<double> tet{.rest_inverse = model_.rest_inverse[t]};
+    for (int i = 0; i < 4; ++i) {
+      const int v = model_.tets[t][i];
+      tet.u[i] = u_[v].v, tet.d[i] = d_[v].v, tet.w[i] = d_[v].w;
+    }
+    return tet;
+  }
+  template <class Condition>
+  std::vector<std::size_t> tets_of(Condition&& condition) const {
+    std::vector<std::size_t> found;
+    for (std::size_t t = 0; t < model_.tet_count(); ++t) {
+      if (condition(t)) found.push_back(t);
+    }
+    return found;
+  }
+  void move(int v, const Vec3<double>& to) { moved_[v] = 1, d_[v].v = to; }
+  template <class Correct>
+  void repeat(int at_most, Correct&& correct) {
+    for (int pass = 0; pass < at_most; ++pass) {
+      const auto wrong = tets_of([&](std::size_t t) {
+        MovingTet<double> tet = tet_at(t);
+        return watched_[t] && correct(tet);
+      });
+      for (const std::size_t t : wrong) {
+        MovingTet<double> tet = tet_at(t);
+        if (!correct(tet)) continue;
+        for (int i = 0; i < 4; ++i) move(model_.tets[t][i], tet.d[i]);
+      }
+    }
+  }
+
+  const Model& model_;
+  const std::vector<Row<double>>& u_;
+  std::vector<Row<double>>& d_;
+  std::vector<char> moved_, watched_;
+  std::vector<int> group_of_, members_;
+};
+
+// That includes tets that were not watched, whose neighbours have been moved.
+TEST(VolumeBound, TetsAreCorrectedAndJoinedInTheirOrderToTheBit) {
+  const Model model = make_cube(4);
+  std::mt19937 generator(6);
+  for (const double far : {0.2, 0.5, 1.0}) {  // over a cell's size
+    std::vector<Row<double>> u(model.vertex_count()), d(model.vertex_count());
+    for (std::size_t v = 0; v < d.size(); ++v) {
+      d[v] = {random_vector(generator, far * model.size() / 4.0), 1.0 / model.mass[v]};
+    }
+    auto in_order = d;
+    InOrder(model, u, in_order).correct();
+    const BoundedTets<double> tets(model, elastic_scene(), Method::xpbd);
+    Team team(1);
+    CpuVolumeBound<double> bound(tets, 1, static_cast<int>(model.vertex_count()));
+    bound.apply(team, 0, true, u, d);
+    for (std::size_t v = 0; v < d.size(); ++v) EXPECT_EQ(d[v].v, in_order[v].v) << v;
+  }
+}
+
+// Two tets that share a vertex and one apart from them, of which one vertex is held.
+TEST(JoinedVertices, AreLedByTheMeanOfTheirGroupOnceEach) {
+  constexpr int count = 11;
+  std::vector<int> group_of(count, -1), members(count), led(count);
+  std::vector<Row<double>> d(count);
+  for (int v = 0; v < count; ++v) d[v] = {{1.0 * v, 0.0, 1.0}, 1.0 / (1.0 + v)};
+  d[9].w = 0.0;
+  JoinedVertices<double> joined{group_of.data(), members.data()};
+  for (const Tet& tet : {Tet{0, 1, 2, 3}, Tet{7, 8, 9, 10}, Tet{4, 5, 6, 0}}) {
+    EXPECT_TRUE(joined.join(tet));
+    EXPECT_FALSE(joined.join(tet));
+  }
+  EXPECT_EQ(joined.count, count);
+  joined.lead([&](int v) { return d[v]; },
+              [&](int v, const Vec3<double>& to) { ++led[v], d[v].v = to; });
+  double mass = 0.0, moment = 0.0;
+  for (int v = 0; v < 7; ++v) mass += 1.0 + v, moment += (1.0 + v) * v;
+  for (int v = 0; v < count; ++v) {
+    EXPECT_EQ(led[v], v == 9 ? 0 : 1) << v;
+    EXPECT_NEAR(d[v].v.x, v < 7 ? moment / mass : 9.0, 1e-14) << v;
+  }
+  joined.part();
+  EXPECT_EQ(group_of, std::vector<int>(count, -1));
+}
+
 class PressedBody : public testing::TestWithParam<int> {};
 
 TEST_P(PressedBody, HasNoTetInsideOutAtTheEndOfAnyFrame) {

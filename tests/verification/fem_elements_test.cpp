@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/effects/laws/volume_barrier.hpp"
+#include "sim/solvers/fem/diagnostics.hpp"
 #include "sim/solvers/fem/mesh.hpp"
 #include "tests/verification/fem_setup.hpp"
 
@@ -159,6 +160,19 @@ TEST(FemMetrics, QuadraticTetsMoveWithTheirOwnMassMatrix) {
     EXPECT_NEAR(now.rms_speed, 5.0, 1e-12);
     EXPECT_NEAR(now.volume_ratio, 1.0, 1e-12);
   }
+}
+
+TEST(FemMetrics, HoldTheEnergyOfSmoothedElements) {
+  const Model model = make_cube(2);
+  const FemMesh mesh(model, 1);
+  Scene scene;
+  scene.params<SmoothedNeoHookean>().emplace_back();
+  const Mat3<double> stretch{{{0.1, 0, 0}, {0, -0.02, 0}, {0, 0, 0.03}}};
+  NodeField u, v(model.vertex_count());
+  for (const auto& x : model.rest) u.push_back(stretch * x);
+  const double energy = 0.05 * 0.05 * 0.05 * NeoHookean::energy_density(lame(soft_tissue), stretch);
+  EXPECT_GT(energy, 0.0);
+  EXPECT_NEAR(fem_diagnostics(mesh, model, scene, u, v).elastic, energy, 1e-9 * energy);
 }
 
 }  // namespace

@@ -2,6 +2,8 @@
 // against differences of the forces, closed-form stresses, and orders of convergence.
 #include <gtest/gtest.h>
 
+#include "sim/solvers/fem/contact.hpp"
+#include "sim/solvers/fem/dual.hpp"
 #include "sim/solvers/fem/effect.hpp"
 #include "sim/solvers/fem/mass.hpp"
 #include "sim/solvers/fem/neo_hookean.hpp"
@@ -160,6 +162,41 @@ TEST(FemTerms, NoStepTurnsAnOpenTetOverAndWhatIsInsideOutMayMoveFreely) {
   EXPECT_EQ(term.longest_step(turned, mirrored), 1.0);
 }
 
+// Tets apart from one another, each of which is inside out in turn.
+TEST(FemTerms, EachTetIsGuardedOrNotByItself) {
+  constexpr int count = 5;
+  const std::array<Vec3<double>, 4> corners{{{0, 0, 0}, {0.1, 0, 0}, {0, 0.1, 0}, {0, 0, 0.1}}};
+  std::vector<Vec3<double>> points;
+  std::vector<Tet> tets;
+  for (int k = 0; k < count; ++k) {
+    for (const auto& x : corners) points.push_back(x + Vec3<double>{0.2 * k, 0.0, 0.0});
+    tets.push_back({4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3});
+  }
+  const Model model = make_model(points, tets, std::vector<int>(count, 1), {{1, soft_tissue}});
+  const FemMesh mesh(model, 2);
+  NeoHookeanTerm<10> term(model, mesh);
+  system_of(term, mesh.node_count());
+  const NodeField rest(mesh.node_count());
+  // Displacements with which one tet is `factor` times as large, and mirrored where that is
+  // negative.
+  const auto grown = [&](int tet, double factor) {
+    NodeField u = rest;
+    const auto& nodes = mesh.elements<10>()[tet].nodes;
+    for (const int i : nodes) u[i] = (factor - 1.0) * (mesh.rest[i] - mesh.rest[nodes[0]]);
+    return u;
+  };
+  term.begin_step({rest, rest, {dt, 0.0}});
+  for (int turned = 0; turned < count; ++turned) {
+    const NodeField start = grown(turned, -1.0);
+    const FemFields fields{start, rest, {dt, 0.0}};
+    term.begin_step(fields);
+    for (int moved = 0; moved < count; ++moved) {
+      const double length = term.longest_step(fields, grown(moved, -1.0));
+      EXPECT_EQ(length == 1.0, moved == turned) << moved << " moves, " << turned << " is turned";
+    }
+  }
+}
+
 TEST(FemTerms, EveryElementEffectHasTheTangentOfItsForces) {
   const Model model = make_cube(2);
   Effects::for_each([&]<class Effect, std::size_t>() {
@@ -229,6 +266,38 @@ TEST(FemSystem, MovesOfHeldNodesPullAtFreeOnesByTheirBlock) {
   }
 }
 
+// A loose tolerance tells them apart: one ends there, the other has none.
+TEST(FemSystem, ConjugateGradientsGoAsFarAsTheyAreAskedToAndCholeskyAllTheWay) {
+  for (const auto kind : {FemOptions::Linear::pcg, FemOptions::Linear::cholesky}) {
+    FemSystem system({0, 0, 0}, kind);
+    const std::array nodes{0, 1, 2};
+    system.connect(nodes);
+    system.analyse();
+    std::mt19937 generator(6);
+    Eigen::Matrix<double, 9, 9> root;
+    for (double& entry : root.reshaped()) entry = random_in(generator, -1.0, 1.0);
+    const Eigen::Matrix<double, 9, 9> tangent =
+        root * root.transpose() + Eigen::Matrix<double, 9, 9>::Identity();
+    NodeField residual(3), step;
+    for (auto& r : residual) r = random_vector(generator, 1.0);
+    system.begin(residual, NodeField(3));
+    system.add<3>(nodes, system.places_of<3>(nodes), tangent);
+    constexpr double tolerance = 0.3;
+    ASSERT_TRUE(system.solve(tolerance, step));
+    Eigen::VectorXd p(9), r(9);
+    for (int i = 0; i < 3; ++i) {
+      p.segment<3>(3 * i) = to_eigen(step[i]), r.segment<3>(3 * i) = to_eigen(residual[i]);
+    }
+    const double left = (r - tangent * p).norm() / r.norm();
+    if (kind == FemOptions::Linear::pcg) {
+      EXPECT_LE(left, tolerance);
+      EXPECT_GT(left, 1e-3);
+    } else {
+      EXPECT_LT(left, 1e-12);
+    }
+  }
+}
+
 TEST(FemNodes, FreeMassesAreTheDiagonalOfTheMassMatrixWhereNothingHoldsThem) {
   const Model model = make_cube(1);
   for (const int order : {1, 2}) {
@@ -274,6 +343,81 @@ TEST(FemNewton, ForcesThatAreNotFiniteAreNoBalance) {
     EXPECT_NE(problem.find("forces that are not finite"), std::string::npos) << problem;
     EXPECT_EQ(newton.iterations(), 0);
   }
+}
+
+// Friction whose bounds lag behind the normal forces by `lag` N of 100 once they do not follow any
+// more; while they do, nothing settles.
+class Lagging final : public FemTerm {
+ public:
+  explicit Lagging(double lag) : lag_(lag) {}
+  void connect(FemSystem&) override {}
+  void take_places(const FemSystem&) override {}
+  void add_forces(const FemFields&, FemForces&) const override {}
+  void add_tangent(const FemFields&, Tangent, FemSystem&) const override {}
+  Correction correct(const FemFields&, double follow) override {
+    return {.change = follow > 0.0 ? 1.0 : 0.0, .lag = lag_, .normal = 100.0};
+  }
+
+ private:
+  double lag_;
+};
+
+TEST(FemNewton, BoundsOfFrictionThatDoNotFollowMayLagByAHundredthOfTheNormalForces) {
+  for (const double lag : {0.9, 1.1}) {
+    FemSystem system({0}, FemOptions::Linear::cholesky);
+    FemNewton::Terms terms;
+    terms.push_back(std::make_unique<Lagging>(lag));
+    system.analyse();
+    const std::vector<double> stiffness{1.0};
+    FemNewton newton(system, terms, {}, stiffness);
+    const NodeField u(1);
+    NodeField d(1);
+    const std::string problem = newton.solve({u, d, {dt, 0.0}}, d, NodeField(1));
+    EXPECT_EQ(problem.find("bounds of friction") != std::string::npos, lag > 1.0) << problem;
+    EXPECT_EQ(problem.empty(), lag < 1.0) << problem;
+  }
+}
+
+TEST(FemNewton, WhatTheTermsAreOffByAddsUp) {
+  Correction sum{.change = 1.0, .lag = 2.0, .normal = 3.0};
+  sum += {.change = 0.5, .lag = 0.25, .normal = 0.125};
+  EXPECT_EQ(sum.change, 1.5);
+  EXPECT_EQ(sum.lag, 2.25);
+  EXPECT_EQ(sum.normal, 3.125);
+}
+
+// Four corners of a cube, led 5 mm into a plane without friction that is 1 mm below them.
+TEST(FemContact, ItsNormalForcesChangeUntilNothingIsBehindTheObstacle) {
+  const Model model = make_cube(1);
+  const FemMesh mesh(model, 1);
+  constexpr double gap = 0.001, deep = 0.005, stiffness = 2.0;  // m, m, N/m
+  Collider<Plane>::Params plane;
+  plane.point = model.origin - Vec3<double>{0.0, 0.0, 0.025 + gap};
+  plane.friction = 0.0;
+  const Prepared<Collider<Plane>, double> prepared(model, plane, dt);
+  const std::vector<double> penalty(mesh.node_count(), stiffness);
+  ContactTerm<Collider<Plane>> term(prepared, mesh, penalty);
+  system_of(term, mesh.node_count());
+  const NodeField u(mesh.node_count());
+  NodeField d(mesh.node_count(), {0.0, 0.0, -gap - deep});
+  const double force = 4.0 * stiffness * deep;  // N
+  const Correction first = term.correct({u, d, {dt, 0.0}}, 1.0);
+  EXPECT_NEAR(first.change, force, 1e-12);
+  EXPECT_NEAR(first.normal, force, 1e-12);
+  EXPECT_EQ(term.contact_count(), 4u);
+  for (auto& way : d) way.z = -gap;
+  const Correction settled = term.correct({u, d, {dt, 0.0}}, 1.0);
+  EXPECT_NEAR(settled.change, 0.0, 1e-12);
+  EXPECT_NEAR(settled.normal, force, 1e-12);
+}
+
+TEST(Dual, ARootHasItsSlopeAndThatOfZeroNone) {
+  const Dual<2> root = square_root(Dual<2>::variable(4.0, 1));
+  EXPECT_EQ(root.value, 2.0);
+  EXPECT_EQ(root.slope, (std::array{0.0, 0.25}));
+  const Dual<2> of_zero = square_root(Dual<2>::variable(0.0, 1));
+  EXPECT_EQ(of_zero.value, 0.0);
+  EXPECT_EQ(of_zero.slope, (std::array{0.0, 0.0}));
 }
 
 // Sum of the nodal forces of a homogeneous deformation F = diag(a, b, c) on the face x = L, over

@@ -343,5 +343,25 @@ TEST(Contact, ACorrectionAlongAnyAxisIsATouch) {
   EXPECT_TRUE(touches(Vec3<double>{0, 0, -1e-9}));
 }
 
+TEST(Box, IsAsFarAsItsNearestFaceAlongEachOfItsAxes) {
+  Box::Params params;
+  params.size = {0.02, 0.04, 0.06};
+  params.rotation = {0.3, -0.2, 0.5};
+  const Box::Solid box = Box::solid(params);
+  const double half[3] = {0.01, 0.02, 0.03};
+  Vec3<double> corner, normal;
+  for (int axis = 0; axis < 3; ++axis) {
+    corner += (half[axis] + 1e-3) * box.axes.col[axis];
+    for (const double side : {-1.0, 1.0}) {
+      const Vec3<double> out = side * box.axes.col[axis];
+      for (const double beyond : {0.5, 0.01, -0.001}) {
+        EXPECT_NEAR(Box::distance(box, (half[axis] + beyond) * out, normal), beyond, 1e-14);
+        EXPECT_LE(norm(normal - out), 1e-12) << axis << ", " << side * beyond;
+      }
+    }
+  }
+  EXPECT_NEAR(Box::distance(box, corner, normal), std::sqrt(3.0) * 1e-3, 1e-14);
+}
+
 }  // namespace
 }  // namespace viscera::sim

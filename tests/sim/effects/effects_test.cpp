@@ -410,6 +410,40 @@ TEST(NeoHookean, AnElementFlatToAPointIsLeftAlone) {
   for (const auto& impulse : p) EXPECT_EQ(norm(impulse), 0.0);
 }
 
+// (I + A S) y = -c for a random A = B B^T, some rows without stiffness.
+template <int rows>
+void check_rows() {
+  std::mt19937 generator(rows);
+  for (int sample = 0; sample < 50; ++sample) {
+    double b[rows][rows], a[rows][rows], k[rows], c[rows], y[rows];
+    for (auto& row : b) {
+      for (double& entry : row) entry = random_in(generator, -1.0, 1.0);
+    }
+    for (int p = 0; p < rows; ++p) {
+      for (int q = 0; q < rows; ++q) {
+        a[p][q] = 0.0;
+        for (int r = 0; r < rows; ++r) a[p][q] += b[p][r] * b[q][r];
+      }
+      k[p] = std::max(0.0, random_in(generator, -1.0, 5.0));
+      c[p] = k[p] > 0.0 ? random_in(generator, -1.0, 1.0) : 0.0;
+    }
+    solve_rows(a, k, c, y);
+    for (int p = 0; p < rows; ++p) {
+      if (k[p] == 0.0) continue;
+      double sum = c[p] + y[p];
+      for (int q = 0; q < rows; ++q) sum += a[p][q] * k[q] * y[q];
+      EXPECT_NEAR(sum, 0.0, 1e-12) << p << " of " << rows << " rows, sample " << sample;
+    }
+  }
+}
+
+TEST(Rows, AreSolvedHoweverManyAreCoupled) {
+  check_rows<1>();
+  check_rows<2>();
+  check_rows<3>();
+  check_rows<6>();
+}
+
 TEST(Effects, EveryInstructionSetGivesTheBitsOfTheScalarCode) {
   Effects::for_each([]<class Effect, std::size_t i>() {
     if constexpr (Effect::kind == EffectKind::element) {

@@ -277,5 +277,22 @@ TEST(SelfContact, ATriangleWithoutAreaHasAHeightAndNothingOverIt) {
   }
 }
 
+// One of them moves by one along z: a corner tilts the triangle's plane, the vertex leaves it.
+TEST(SelfContact, TheVertexAndEveryCornerOfAPairGoTheirOwnWay) {
+  const Vec3<double> up = {0.0, 0.0, 1.0};
+  const SurfacePair still{.x = {0.2, 0.3, 0.7}, .y = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}};
+  const double heights[] = {(0.7 - 1.0 + 0.2 + 0.3) / std::sqrt(3.0), (0.7 - 0.2) / std::sqrt(2.0),
+                            (0.7 - 0.3) / std::sqrt(2.0)};
+  for (int corner = 0; corner < 3; ++corner) {
+    SurfacePair pair = still;
+    pair.dy[corner] = up;
+    EXPECT_NEAR(pair.at(1.0).height, heights[corner], 1e-15) << corner;
+    EXPECT_NEAR(pair.at(0.0).height, 0.7, 1e-15);
+  }
+  SurfacePair pair = still;
+  pair.dx = up;
+  EXPECT_NEAR(pair.at(0.5).height, 1.2, 1e-15);
+}
+
 }  // namespace
 }  // namespace viscera::sim

@@ -273,5 +273,11 @@ TEST(ShapeMatching, SolversThatCannotDoItSaySo) {
   EXPECT_THROW(make_on_cpu(make_cube(1), matching_scene("organs"), {}), Refusal);
 }
 
+TEST(ShapeMatching, EveryLabelIsARegionWhereItIsAskedForByLabel) {
+  Model model = make_cube(2);
+  for (std::size_t t = 0; t < model.tet_count(); ++t) model.material_of[t] = t % 3 == 0;
+  EXPECT_EQ(ShapeMatching::regions(model, {.regions = "label"}), model.material_of);
+}
+
 }  // namespace
 }  // namespace viscera::sim

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "sim/measures/forces.hpp"
 #include "sim/measures/stability.hpp"
 #include "tests/sim/shapes.hpp"
 
@@ -93,6 +94,32 @@ TEST(ExplicitLimit, ItsBoundIsNoLowerThanTheFastestMode) {
     EXPECT_FALSE(bound.exact) << stretch;
     EXPECT_GE(bound.courant, 0.25 * (1.0 - 1e-3)) << stretch;
   }
+}
+
+// Of a single tet. No trial motion is faster than the fastest mode (Rayleigh): one corner along one
+// axis. And all of them together are, as the trace of a stiffness is the sum of its eigenvalues.
+TEST(ExplicitLimit, OfATetIsBetweenTheMotionsOfItsCornersOneByOneAndTheirSum) {
+  const std::vector<Vec3<double>> points = {{0, 0, 0}, {0.01, 0, 0}, {0, 0.01, 0}, {0, 0, 0.01}};
+  const std::vector<Tet> tets = {{0, 1, 2, 3}};
+  const Model model = make_model(points, tets, std::vector<int>{1}, {{1, soft_tissue}});
+  const Scene scene = long_steps(elastic_scene());
+  const std::vector<Vec3<double>> none(4);
+  const ExplicitLimit limit = explicit_limit(model, scene, {none, none});
+  ASSERT_TRUE(limit.exact);
+  constexpr double step = 1e-8;     // m
+  double fastest = 0.0, all = 0.0;  // 1/s2
+  for (int corner = 0; corner < 4; ++corner) {
+    for (const Vec3<double> axis : {Vec3<double>{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}) {
+      State state{none, none};
+      state.u[corner] = step * axis;
+      const Vec3<double> force = element_forces(model, scene, state)[corner];
+      const double own = -dot(force, axis) / (step * model.mass[corner]);
+      fastest = std::max(fastest, own), all += own;
+    }
+  }
+  const double half_step = 0.5 * scene.time.substep_s();
+  EXPECT_GE(limit.courant, half_step * std::sqrt(fastest) * (1.0 - 1e-3));
+  EXPECT_LE(limit.courant, half_step * std::sqrt(all));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "sim/measures/forces.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -133,6 +134,19 @@ TEST(Balance, LoadsAreWhatActsFromOutsideAndWhatTheBodyCarries) {
   weight.force = {0.0, 0.0, -3.0};
   scene.params<Load>().push_back(weight);
   EXPECT_NEAR(loads(0.0), 3.0, 1e-3);
+}
+
+TEST(ElementForces, OfASceneThatMakesNoSenseAreRefused) {
+  const Motion motion;
+  Scene scene = drop_scene();
+  EXPECT_EQ(element_forces(motion.model, scene, motion.now).size(), motion.model.vertex_count());
+  scene.params<Ground>().front().normal = {};
+  try {
+    element_forces(motion.model, scene, motion.now);
+    FAIL() << "accepted";
+  } catch (const Refusal& refusal) {
+    EXPECT_EQ(refusal.field, "effects.ground.normal");
+  }
 }
 
 }  // namespace

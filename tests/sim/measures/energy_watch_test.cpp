@@ -1,0 +1,31 @@
+// What the watch over a run's energy counts.
+#include "sim/measures/energy_watch.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+// k u^2 / 2 of every square metre: the bed's, as no tet of a body that is shifted is strained.
+TEST(EnergyWatch, CountsWhatABedStores) {
+  const Model model = make_cube(2);
+  Scene scene = elastic_scene();
+  auto& bed = scene.params<Spring>().emplace_back();
+  bed.side = "left";
+  bed.stiffness = 1e6;
+  const Vec3<double> shift = {0.001, 0.002, -0.002};
+  const State state{std::vector<Vec3<double>>(model.vertex_count(), shift),
+                    std::vector<Vec3<double>>(model.vertex_count())};
+  const EnergyWatch watch(model, scene, Method::xpbd);
+  EnergyWatch::Course course;
+  EXPECT_EQ(watch.judge(nullptr, state, diagnose(model, scene, state), 0.0, course), "");
+  const double stored = 0.5 * 1e6 * dot(shift, shift) * 0.05 * 0.05;
+  EXPECT_TRUE(course.begun);
+  EXPECT_NEAR(course.motion, stored, 1e-9 * stored);
+  EXPECT_NEAR(course.least, stored, 1e-9 * stored);
+}
+
+}  // namespace
+}  // namespace viscera::sim
