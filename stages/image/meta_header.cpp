@@ -24,6 +24,30 @@ constexpr PixelType pixel_types[] = {{"MET_CHAR", "int8", 1},       {"MET_UCHAR"
 
 constexpr std::size_t longest_name = 254;  // MetaIO aborts the program at a longer one
 
+// Fields that are read here. MetaIO tells them by their exact spelling.
+constexpr const char* known_fields[] = {
+    "NDims",       "DimSize",        "ElementType",     "ElementNumberOfChannels",
+    "Offset",      "Position",       "Origin",          "ElementSpacing",
+    "Rotation",    "Orientation",    "TransformMatrix", "CenterOfRotation",
+    "HeaderSize",  "BinaryData",     "CompressedData",  "CompressedDataSize",
+    "ElementSize", "ElementDataFile"};
+
+// What this reader and MetaIO would take for different fields: MetaIO ends a name at a colon too,
+// and a line at a carriage return, and goes on behind a last field that is spelled otherwise.
+void check_line(const HeaderChecks& checks, const std::string& line, const std::string& name) {
+  if (name.find(':') != std::string::npos) {
+    checks.refuse(name.substr(0, 60), "a colon in a field's name", "FIELD = VALUE");
+  }
+  if (trimmed(line).find('\r') != std::string::npos) {
+    checks.refuse(name.substr(0, 60), "a carriage return within a line", "lines that end with it");
+  }
+  constexpr NoCase before;
+  for (const char* known : known_fields) {
+    const bool is_like = !before(name, known) && !before(known, name);
+    if (is_like && name != known) checks.refuse(name, "spelled otherwise", known);
+  }
+}
+
 TextHeader read_lines(const HeaderChecks& checks) {
   HeaderLines lines(checks, 500);  // as many as MetaIO reads at once
   TextHeader header;
@@ -39,6 +63,7 @@ TextHeader read_lines(const HeaderChecks& checks) {
                     fmt::format("at most {}", longest_name));
     }
     const std::string name = trimmed(line->substr(0, mark));
+    check_line(checks, *line, name);
     if (!header.fields.emplace(name, trimmed(line->substr(mark + 1))).second)
       checks.refuse(name, "given twice", "each field once");
   }

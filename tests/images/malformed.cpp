@@ -226,6 +226,13 @@ void add_meta(Corpus& corpus) {
          "CompressedDataSize");
   spoilt("not_packed", "CompressedData", "True", "DimSize");
   spoilt("twice", "ElementType", "MET_UCHAR\nDimSize = 1 1 1", "DimSize");
+  // MetaIO tells fields by their exact spelling, ends names at colons too and lines at a return.
+  const std::string last = "ElementDataFile = LOCAL\n";
+  corpus.add("meta_last_field_spelled_otherwise.mha", "ElementDatafile",
+             head.substr(0, head.size() - last.size()) + "ElementDatafile = LOCAL\n" + data +
+                 "\nDimSize = 2 1 1\n" + last);
+  spoilt("colon", "ElementType", "MET_UCHAR\nDimSize: 2 1 1 = 3", "DimSize");
+  spoilt("return_in_a_line", "ElementType", "MET_UCHAR\rDimSize = 2 1 1", "ElementType");
   corpus.add("meta_no_data_file.mha", "ElementDataFile", with(head, "ElementDataFile = ", "-"));
   const auto detached = [&](const std::string& name, const std::string& file,
                             const std::string& says) {
