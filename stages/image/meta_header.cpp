@@ -23,6 +23,12 @@ constexpr PixelType pixel_types[] = {{"MET_CHAR", "int8", 1},       {"MET_UCHAR"
                                      {"MET_FLOAT", "float32", 4},   {"MET_DOUBLE", "float64", 8}};
 
 constexpr std::size_t longest_name = 254;  // MetaIO aborts the program at a longer one
+// As at a longer value of these fields, which it copies.
+constexpr std::size_t longest_text = 254;
+constexpr std::string_view copied_fields[] = {
+    "ObjectType",    "ObjectSubType", "TransformType",         "Name",
+    "Comment",       "Modality",      "AnatomicalOrientation", "AcquisitionDate",
+    "DistanceUnits", "ElementType",   "ElementDataFile"};
 
 // Fields that are read here. MetaIO tells them by their exact spelling.
 constexpr const char* known_fields[] = {
@@ -34,7 +40,12 @@ constexpr const char* known_fields[] = {
 
 // What this reader and MetaIO would take for different fields: MetaIO ends a name at a colon too,
 // and a line at a carriage return, and goes on behind a last field that is spelled otherwise.
-void check_line(const HeaderChecks& checks, const std::string& line, const std::string& name) {
+void check_line(const HeaderChecks& checks, const std::string& line, const std::string& name,
+                const std::string& value) {
+  if (value.size() > longest_text && std::ranges::count(copied_fields, name)) {
+    checks.refuse(name, fmt::format("{} characters", value.size()),
+                  fmt::format("at most {}", longest_text));
+  }
   if (name.find(':') != std::string::npos) {
     checks.refuse(name.substr(0, 60), "a colon in a field's name", "FIELD = VALUE");
   }
@@ -63,8 +74,9 @@ TextHeader read_lines(const HeaderChecks& checks) {
                     fmt::format("at most {}", longest_name));
     }
     const std::string name = trimmed(line->substr(0, mark));
-    check_line(checks, *line, name);
-    if (!header.fields.emplace(name, trimmed(line->substr(mark + 1))).second)
+    const std::string value = trimmed(line->substr(mark + 1));
+    check_line(checks, *line, name, value);
+    if (!header.fields.emplace(name, value).second)
       checks.refuse(name, "given twice", "each field once");
   }
   header.end = lines.position();

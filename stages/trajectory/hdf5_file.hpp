@@ -77,12 +77,13 @@ struct Dataset {
 Dataset open_dataset(const Handle& file, const std::filesystem::path& path, const char* name,
                      H5T_class_t kind, const std::vector<hsize_t>& expected);
 
+// T is one value of the type in memory, or an array of some that stand side by side.
 template <class T>
 std::vector<T> read_values(const Dataset& dataset, const std::filesystem::path& path,
                            const char* name, hid_t memory) {
   std::size_t count = 1;
   for (const hsize_t n : dataset.shape) count *= n;
-  std::vector<T> values(count);
+  std::vector<T> values(count * H5Tget_size(memory) / sizeof(T));
   if (count > 0 &&
       H5Dread(dataset.set.id(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
     throw read_error(path, name, "unreadable (truncated or damaged)", "a whole file");

@@ -240,23 +240,22 @@ std::map<int, std::string> read_label_names(const Handle& file, const fs::path& 
 TetMesh read_mesh(const Handle& file, const fs::path& path) {
   TetMesh mesh;
   const auto points = open_dataset(file, path, "/points", H5T_FLOAT, {0, 3});
-  const auto xyz = read_values<double>(points, path, "/points", H5T_NATIVE_DOUBLE);
-  if (!std::all_of(xyz.begin(), xyz.end(), [](double x) { return std::isfinite(x); })) {
+  // Without a copy: a compressed file may hold a thousand times its size.
+  mesh.points = read_values<std::array<double, 3>>(points, path, "/points", H5T_NATIVE_DOUBLE);
+  for (const auto& point : mesh.points) {
+    if (std::ranges::all_of(point, [](double x) { return std::isfinite(x); })) continue;
     throw read_error(path, "/points", "a coordinate that is not finite", "finite coordinates");
   }
-  if (xyz.empty()) throw read_error(path, "/points", "no points", "at least one point");
-  mesh.points.resize(points.shape[0]);
-  std::memcpy(mesh.points.data(), xyz.data(), xyz.size() * sizeof(double));
+  if (mesh.points.empty()) throw read_error(path, "/points", "no points", "at least one point");
 
   const auto tets = open_dataset(file, path, "/tets", H5T_INTEGER, {0, 4});
-  const auto corners = read_values<int>(tets, path, "/tets", H5T_NATIVE_INT);
-  if (corners.empty()) throw read_error(path, "/tets", "no tets", "at least one tet");
+  mesh.tets = read_values<std::array<int, 4>>(tets, path, "/tets", H5T_NATIVE_INT);
+  if (mesh.tets.empty()) throw read_error(path, "/tets", "no tets", "at least one tet");
   const int n = static_cast<int>(mesh.points.size());
-  if (!std::all_of(corners.begin(), corners.end(), [n](int i) { return i >= 0 && i < n; })) {
+  for (const auto& tet : mesh.tets) {
+    if (std::ranges::all_of(tet, [n](int i) { return i >= 0 && i < n; })) continue;
     throw read_error(path, "/tets", "a point index out of range", fmt::format("0 to {}", n - 1));
   }
-  mesh.tets.resize(tets.shape[0]);
-  std::memcpy(mesh.tets.data(), corners.data(), corners.size() * sizeof(int));
 
   const auto labels = open_dataset(file, path, "/labels", H5T_INTEGER, {tets.shape[0]});
   mesh.labels = read_values<int>(labels, path, "/labels", H5T_NATIVE_INT);

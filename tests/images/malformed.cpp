@@ -231,6 +231,9 @@ void add_meta(Corpus& corpus) {
   corpus.add("meta_last_field_spelled_otherwise.mha", "ElementDatafile",
              head.substr(0, head.size() - last.size()) + "ElementDatafile = LOCAL\n" + data +
                  "\nDimSize = 2 1 1\n" + last);
+  corpus.add("meta_long_type.mha", "ObjectType",
+             with(head, "ObjectType = ", std::string(270, 'I')) + data);
+  spoilt("long_comment", "ElementType", "MET_UCHAR\nComment = " + std::string(300, 'c'), "Comment");
   spoilt("colon", "ElementType", "MET_UCHAR\nDimSize: 2 1 1 = 3", "DimSize");
   spoilt("return_in_a_line", "ElementType", "MET_UCHAR\rDimSize = 2 1 1", "ElementType");
   corpus.add("meta_no_data_file.mha", "ElementDataFile", with(head, "ElementDataFile = ", "-"));

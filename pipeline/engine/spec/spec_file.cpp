@@ -112,9 +112,10 @@ void expect_map(const fs::path& path, const YAML::Node& node, const std::string&
 }
 
 bool is_beside(const fs::path& path, const std::string& name) {
+  std::error_code failure;  // of a name that no file can have
   const fs::path folder = fs::weakly_canonical(fs::absolute(path).parent_path());
-  const fs::path relative = fs::weakly_canonical(folder / name).lexically_relative(folder);
-  return !relative.empty() && *relative.begin() != "..";
+  const fs::path relative = fs::weakly_canonical(folder / name, failure).lexically_relative(folder);
+  return !failure && !relative.empty() && *relative.begin() != "..";
 }
 
 }  // namespace viscera::engine
