@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/verification/refine.hpp"
 #include "tests/sim/shapes.hpp"
+#include "tests/verification/refine.hpp"
 
 namespace viscera::sim {
 namespace {
