@@ -112,11 +112,14 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     };
     const State still{end.u, Displacement(end.u.size()), end.step};
     const State linear = find(Element::linear, still);
+    // Smoothed elements are the nearest to quadratic tets: from linear ones, which may be 40 % off,
+    // a first step has turned tets over.
+    const State smoothed = find(Element::smoothed, own == Element::smoothed ? still : linear);
     all.linear = linear.u;
-    all.quadratic = find(Element::quadratic, linear).u;
+    all.quadratic = find(Element::quadratic, smoothed).u;
     all.own = own == Element::linear      ? all.linear
               : own == Element::quadratic ? all.quadratic
-                                          : find(own, still).u;
+                                          : smoothed.u;
   } catch (const Diverged& problem) {
     bar.unknown = std::string("finite elements found no equilibrium: ") + problem.what();
     return bar;

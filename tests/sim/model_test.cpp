@@ -113,6 +113,44 @@ RC_GTEST_PROP(Coloring, FewerColorsAreProperAndNoneIsFullerThanAllowed, ()) {
   }
 }
 
+// Which order a colour has changes no result, but its elements lie in memory as they are numbered.
+TEST(Coloring, ElementsOfAColourKeepTheirOrder) {
+  const std::vector<int> colors = {0, 1, 0, 1, 0};
+  EXPECT_EQ(group_by_color(colors).order, (std::vector<int>{0, 2, 4, 1, 3}));
+}
+
+TEST(Model, AMeasuredModulusOfZeroStandsForTheLabels) {
+  Model model = make_cube(1);
+  model.youngs_modulus.assign(model.tet_count(), 0.0);
+  model.youngs_modulus[1] = 7e3;
+  EXPECT_EQ(model.material(0).youngs_modulus, soft_tissue.youngs_modulus);
+  EXPECT_EQ(model.material(1).youngs_modulus, 7e3);
+}
+
+TEST(State, AHashDependsOnEveryComponent) {
+  const State state{{{1, 2, 3}, {4, 5, 6}}, {{7, 8, 9}, {10, 11, 12}}};
+  for (const bool velocity : {false, true}) {
+    for (double Vec3<double>::*axis : {&Vec3<double>::x, &Vec3<double>::y, &Vec3<double>::z}) {
+      State other = state;
+      (velocity ? other.v : other.u)[1].*axis += 0.5;
+      EXPECT_NE(other.hash(), state.hash()) << velocity;
+    }
+  }
+}
+
+TEST(Scene, ATimeThatDoesNotEndAfterItsStartIsRefused) {
+  for (const double end_s : {0.0, -1.0, std::numeric_limits<double>::infinity()}) {
+    Scene scene = elastic_scene();
+    scene.time.end_s = end_s;
+    try {
+      check_scene(scene);
+      ADD_FAILURE() << end_s << " s accepted";
+    } catch (const Refusal& refusal) {
+      EXPECT_EQ(refusal.field, "time.end");
+    }
+  }
+}
+
 // Of this cube a vertex has 24 tets, so that fewer colours are not to be had; by saturation it
 // takes two more.
 TEST(Coloring, AboutAsFewAsTheBusiestVertexHasElements) {
