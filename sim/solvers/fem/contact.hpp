@@ -21,6 +21,9 @@
 
 namespace viscera::sim {
 
+// Numbers of its history a node: the multipliers, normal and tangential.
+inline constexpr std::size_t contact_history = 6;
+
 template <class Effect>
 class ContactTerm final : public FemTerm {
  public:
@@ -132,12 +135,13 @@ class ContactTerm final : public FemTerm {
     }
   }
   void load_history(std::span<const double>& history) override {
-    const bool unknown = history.size() < 6 * now_.size();  // the state of another solver
+    const bool unknown =
+        history.size() < contact_history * now_.size();  // the state of another solver
     for (auto& multipliers : now_) {
       multipliers = {};
       if (unknown) continue;
       multipliers = {{history[0], history[1], history[2]}, {history[3], history[4], history[5]}};
-      history = history.subspan(6);
+      history = history.subspan(contact_history);
     }
   }
 

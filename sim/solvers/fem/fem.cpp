@@ -75,6 +75,18 @@ bool is_inverted(const FemElement<4>& tet, const NodeField& u) {
   return 1.0 + NeoHookean::volume_strain(gradient_at<4>(tet.nodes, tet.points[0], u)) <= 0.0;
 }
 
+// Each edge of a closed surface once, its ends in ascending order: its other face turns it round.
+std::vector<std::array<int, 2>> edges_of(const std::vector<Triangle>& faces) {
+  std::vector<std::array<int, 2>> edges;
+  for (const Triangle& face : faces) {
+    for (int i = 0; i < 3; ++i) {
+      const int a = face[i], b = face[(i + 1) % 3];
+      if (a < b) edges.push_back({a, b});
+    }
+  }
+  return edges;
+}
+
 std::vector<double> times(double factor, std::vector<double> numbers) {
   for (double& number : numbers) number *= factor;
   return numbers;
@@ -93,12 +105,7 @@ class FemSolver final : public Solver {
         u_(mesh_.node_count()),
         v_(mesh_.node_count()),
         size_(model.size()) {
-    for (const Triangle& face : boundary_faces(model)) {
-      for (int i = 0; i < 3; ++i) {
-        const auto [a, b] = std::minmax(face[i], face[(i + 1) % 3]);
-        if (a == face[i]) surface_edges_.push_back({a, b});  // once: its other face turns it round
-      }
-    }
+    if (mesh_.order == 2) surface_edges_ = edges_of(boundary_faces(model));
     weight_ = free_masses(mesh_, system_);
     begin_anew();
     take_stiffness(model);
@@ -151,9 +158,9 @@ class FemSolver final : public Solver {
     std::span<const double> history = take_nodes(state, u_, v_);
     begin_anew();
     if (has_past) take_past(state, history);
-    knows_contact_ = !history.empty();
     const std::vector<double> shared_out = contact_of_linear_tets(state);
     if (!shared_out.empty()) history = shared_out;
+    knows_contact_ = !history.empty();
     for (const auto& term : terms_) term->load_history(history);
     step_ = state.step;
   }
@@ -201,8 +208,6 @@ class FemSolver final : public Solver {
     return front;
   }
 
-  static constexpr int contact_history = 6;  // numbers a node and obstacle (fem/contact.hpp)
-
   // What a state knows of all nodes; returns what is left of its history.
   std::span<const double> take_nodes(const State& state, NodeField& u, NodeField& v) const {
     std::span<const double> history = state.history;
@@ -237,7 +242,7 @@ class FemSolver final : public Solver {
       for (const auto& edge : surface_edges_) {
         const std::size_t middle = mesh_.midsides.at(edge);
         for (const int v : edge) {
-          for (int k = 0; k < contact_history; ++k) {
+          for (std::size_t k = 0; k < contact_history; ++k) {
             on_nodes[to + contact_history * middle + k] +=
                 state.history[begin + contact_history * v + k] / edges_at[v];
           }
@@ -536,7 +541,7 @@ class FemSolver final : public Solver {
   FemSystem system_;
   std::vector<double> elastic_, stiffness_, penalty_;  // [nodes] N/m; the second with inertia
   FemNewton::Terms terms_;
-  std::vector<std::array<int, 2>> surface_edges_;  // their ends in ascending order
+  std::vector<std::array<int, 2>> surface_edges_;  // where tets are quadratic
   std::size_t first_contact_ = 0;                  // of the terms, which are the last
   bool knows_contact_ = true;  // whether their multipliers are of the state at hand
   MassTerm* mass_ = nullptr;
