@@ -1,4 +1,4 @@
-// The bodies whose elements the benchmarks judge, and their equilibria by Newton's method.
+// The bodies whose elements the benchmarks judge.
 #pragma once
 
 #include <fmt/format.h>
@@ -8,7 +8,7 @@
 
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/verification/truth.hpp"
 
 namespace viscera {
 
@@ -63,18 +63,6 @@ inline sim::Scene scene_of(bool smoothed, int substeps) {
   scene.params<sim::Gravity>().emplace_back().direction = {0.0, 1.0, 0.0};
   scene.time.substeps = substeps;
   return scene;
-}
-
-inline sim::State by_newton(const sim::Model& model, const sim::Scene& scene, int order) {
-  sim::SolverOptions newton{.method = sim::Method::fem};
-  newton.fem.time = sim::FemOptions::Time::quasi_static;
-  newton.fem.order = order;
-  const auto solver = make_on_cpu(model, scene, newton);
-  solver->advance_frame();
-  sim::State state = solver->state();
-  state.step = 0;
-  state.history.clear();
-  return state;
 }
 
 }  // namespace viscera

@@ -68,6 +68,7 @@ struct Bench {
         const auto solver = on_device ? make_on_cuda(body.model, scene, options)
                                       : make_on_cpu(body.model, scene, options);
         State state = newton;
+        state.step = 0;
         std::vector<double> ms;
         for (int round = 0; round < 40; ++round) {
           for (auto& v : state.v) v = 0.5 * v;
@@ -86,7 +87,7 @@ struct Bench {
 
   void body(const Body& body, double nu, const std::vector<Vec3<double>>& truth, bool with_xpbd) {
     for (const bool smoothed : {false, true}) {
-      const State newton = by_newton(body.model, scene_of(smoothed, 1), 1);
+      const State newton = equilibrium(body.model, scene_of(smoothed, 1), 1);
       row(body, nu, smoothed ? "smoothed" : "linear", "newton", 0,
           percent_off(judged(body, newton), truth), 0.0, {});
       if (with_xpbd) xpbd(body, nu, smoothed, newton, truth);
@@ -98,12 +99,12 @@ void run(const std::string& what, double nu, Bench& bench) {
   if (what != "bar") {
     const Body body = liver(what.c_str(), nu);
     const bool with_xpbd = body.model.tet_count() <= max_tets_for_xpbd;
-    bench.body(body, nu, judged(body, by_newton(body.model, scene_of(false, 1), 2)), with_xpbd);
+    bench.body(body, nu, judged(body, equilibrium(body.model, scene_of(false, 1), 2)), with_xpbd);
     return;
   }
   const Body finest = bar(12, nu), finer = bar(6, nu);
-  const auto truth = judged(finest, by_newton(finest.model, scene_of(false, 1), 2));
-  const auto before = judged(finer, by_newton(finer.model, scene_of(false, 1), 2));
+  const auto truth = judged(finest, equilibrium(finest.model, scene_of(false, 1), 2));
+  const auto before = judged(finer, equilibrium(finer.model, scene_of(false, 1), 2));
   bench.row(finer, nu, "quadratic", "newton", 0, percent_off(before, truth), 0.0, {});
   for (const int fine : {3, 6}) bench.body(bar(fine, nu), nu, truth, false);
 }

@@ -1,10 +1,10 @@
-// The same body on a finer mesh: every tet cut in eight (Bey, "Tetrahedral grid refinement",
-// Computing 55, 1995). The vertices of the coarse mesh keep their numbers.
+// What stands for the truth of a body at rest: its equilibrium on a finer mesh.
 #pragma once
 
+#include <cmath>
 #include <map>
 
-#include "sim/model/model.hpp"
+#include "tests/verification/fem_setup.hpp"
 
 namespace viscera::sim {
 
@@ -31,6 +31,8 @@ class EdgeMiddles {
   std::map<std::array<int, 2>, int> numbers_;
 };
 
+// The same body with every tet cut in eight (Bey, "Tetrahedral grid refinement", Computing 55,
+// 1995). The vertices of the coarse mesh keep their numbers.
 inline Model cut_in_eight(const Model& coarse) {
   std::vector<Vec3<double>> points = coarse.rest;
   std::vector<char> fixed = coarse.fixed;
@@ -66,6 +68,25 @@ inline Model cut_in_eight(const Model& coarse) {
   Model fine = make_model(points, tets, labels, materials, names);
   fine.fixed = fixed;
   return fine;
+}
+
+// By Newton's method, of tets of an order.
+inline State equilibrium(const Model& model, const Scene& scene, int order) {
+  const auto solver = make_on_cpu(model, scene, statics(FemOptions{}.tolerance, order));
+  solver->advance_frame();
+  const State found = solver->state();
+  return {found.u, std::vector<Vec3<double>>(found.u.size()), found.step};
+}
+
+// m, root mean square over the mass; the truth may have more vertices.
+inline double off(const Model& model, const std::vector<Vec3<double>>& u,
+                  const std::vector<Vec3<double>>& truth) {
+  double sum = 0.0, mass = 0.0;
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    sum += model.mass[i] * dot(u[i] - truth[i], u[i] - truth[i]);
+    mass += model.mass[i];
+  }
+  return std::sqrt(sum / mass);
 }
 
 }  // namespace viscera::sim
