@@ -40,6 +40,31 @@ void check_claim(const Dataset& dataset, const fs::path& path, const char* name,
   }
 }
 
+// Bytes that a chunk of any dataset may have. Ours are 8 KB of times and single frames; the chunks
+// that h5repack chooses by itself have up to 32 MiB, h5py's up to 1 MiB.
+constexpr double min_chunk_limit = 32.0 * 1024 * 1024;
+
+// HDF5 unpacks a whole chunk, in buffers of its size, however few of its values are asked for. So a
+// chunk that is large holds no more than a row: of positions a frame, which is read at once.
+void check_chunk(const Dataset& dataset, const fs::path& path, const char* name,
+                 std::size_t value_bytes) {
+  const Handle creation(H5Dget_create_plist(dataset.set.id()), H5Pclose);
+  if (H5Pget_layout(creation.id()) != H5D_CHUNKED) return;
+  std::vector<hsize_t> chunk(dataset.shape.size());
+  H5Pget_chunk(creation.id(), static_cast<int>(chunk.size()), chunk.data());
+  double chunk_bytes = static_cast<double>(value_bytes), row_bytes = chunk_bytes;
+  for (const hsize_t n : chunk) chunk_bytes *= static_cast<double>(n);
+  for (std::size_t i = 1; i < dataset.shape.size(); ++i) {
+    row_bytes *= static_cast<double>(dataset.shape[i]);
+  }
+  const double most = std::max(row_bytes, min_chunk_limit);
+  if (chunk_bytes > most) {
+    throw read_error(path, name,
+                     fmt::format("chunks {} of {:.0f} bytes", shown(chunk), chunk_bytes),
+                     fmt::format("chunks of at most {:.0f} bytes", most));
+  }
+}
+
 // Links, views and external storage lead to other files or devices, and back to themselves: what
 // HDF5 follows without end.
 void refuse_elsewhere(const fs::path& path, const char* name, bool elsewhere) {
@@ -143,6 +168,7 @@ Dataset open_dataset(const Handle& file, const fs::path& path, const char* name,
                      fmt::format("{} of shape {} (0: any)", wanted, shown(expected)));
   }
   Dataset dataset{std::move(set), std::move(shape)};
+  check_chunk(dataset, path, name, H5Tget_size(type.id()));
   check_claim(dataset, path, name, H5Tget_size(type.id()));
   return dataset;
 }

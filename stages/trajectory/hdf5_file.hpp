@@ -73,7 +73,7 @@ struct Dataset {
   std::vector<hsize_t> shape;
 };
 
-// Opens a dataset and checks its class and shape; 0 in `expected` stands for any extent.
+// Opens a dataset and checks its class, shape and chunks; 0 in `expected` stands for any extent.
 Dataset open_dataset(const Handle& file, const std::filesystem::path& path, const char* name,
                      H5T_class_t kind, const std::vector<hsize_t>& expected);
 

@@ -11,6 +11,7 @@
 
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
+#include "stages/trajectory/hdf5_file.hpp"
 
 namespace viscera {
 namespace {
@@ -128,6 +129,65 @@ TEST_F(TrajectoryIo, MoreRowsThanAreStoredAreBadInputAtOnce) {
     H5Dclose(times);
     H5Fclose(file);
     expect_bad_input(h5_);
+  }
+}
+
+// HDF5 unpacks a whole chunk to read one value of it.
+TEST_F(TrajectoryIo, ChunksFarLargerThanWhatIsReadAreBadInput) {
+  const auto with_chunks_of = [this](hsize_t values) {
+    write_frames(folder_.path(), two_tets(), 2);
+    const hid_t file = H5Fopen(h5_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t creation = H5Pcreate(H5P_DATASET_CREATE);
+    H5Pset_chunk(creation, 1, &values);
+    H5Pset_deflate(creation, 1);
+    const hsize_t count = 2, any = H5S_UNLIMITED;
+    const hid_t space = H5Screate_simple(1, &count, &any);
+    H5Ldelete(file, "/times", H5P_DEFAULT);
+    const hid_t times =
+        H5Dcreate2(file, "/times", H5T_IEEE_F64LE, space, H5P_DEFAULT, creation, H5P_DEFAULT);
+    const double seconds[] = {0.0, 0.04};
+    EXPECT_GE(H5Dwrite(times, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, seconds), 0);
+    H5Dclose(times);
+    H5Sclose(space);
+    H5Pclose(creation);
+    H5Fclose(file);
+  };
+  constexpr hsize_t most = 32 * 1024 * 1024 / sizeof(double);
+  with_chunks_of(most);  // as h5repack makes them
+  EXPECT_EQ(TrajectoryReader(h5_).times_s(), (std::vector<double>{0.0, 0.04}));
+  with_chunks_of(most + 1);
+  try {
+    const TrajectoryReader reader(h5_);
+    FAIL() << "was accepted";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::bad_input);
+    EXPECT_EQ(e.problem().where, h5_.string());
+    EXPECT_EQ(e.problem().field, "/times");
+    EXPECT_EQ(e.problem().found, "chunks [4194305] of 33554440 bytes");
+    EXPECT_EQ(e.problem().allowed, "chunks of at most 33554432 bytes");
+  }
+}
+
+// Bodies of three million points have frames of more than 32 MiB. Nothing is written here, so it
+// takes no memory.
+TEST_F(TrajectoryIo, AChunkHoldsOneFrameHoweverLarge) {
+  const hsize_t points = 3'000'000, none[] = {0, points, 3}, any[] = {H5S_UNLIMITED, points, 3};
+  for (const hsize_t frames : {1, 2}) {
+    const hdf5::Handle file = hdf5::create_hdf5(h5_);
+    const hdf5::Handle space(H5Screate_simple(3, none, any), H5Sclose);
+    const hdf5::Handle creation = hdf5::untimed_dataset();
+    const hsize_t chunk[] = {frames, points, 3};
+    H5Pset_chunk(creation.id(), 3, chunk);
+    H5Dclose(H5Dcreate2(file.id(), "/positions", H5T_IEEE_F32LE, space.id(), H5P_DEFAULT,
+                        creation.id(), H5P_DEFAULT));
+    const auto open = [&] {
+      hdf5::open_dataset(file, h5_, "/positions", H5T_FLOAT, {0, points, 3});
+    };
+    if (frames == 1) {
+      EXPECT_NO_THROW(open());
+    } else {
+      EXPECT_THROW(open(), Error);
+    }
   }
 }
 
