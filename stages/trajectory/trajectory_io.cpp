@@ -231,7 +231,7 @@ std::map<int, std::string> read_label_names(const Handle& file, const fs::path& 
   for (std::size_t i = 0; i < ids.size(); ++i) {
     const char* begin = bytes.data() + i * size;
     std::string& name = names[ids[i]];
-    name.assign(begin, strnlen(begin, size));
+    if (size > 0) name.assign(begin, strnlen(begin, size));  // a damaged type may have none
     check_label_name(name, ExitCode::bad_input, path.string(), "/label_names");
   }
   return names;
