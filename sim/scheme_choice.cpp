@@ -6,9 +6,10 @@
 namespace viscera::sim {
 namespace {
 
-// Tets of the largest body that was run in blocks; a block that is too large for a device's shared
-// memory is refused, and that depends on the device.
-constexpr std::size_t max_in_blocks = 1'000'000;
+// Tets of the largest bodies that were run in blocks; a block that is too large for a device's
+// shared memory is refused, and that depends on the device. Smoothed elements are more in a block
+// than tets, and a vertex that many of them share has more replicas.
+constexpr std::size_t max_in_blocks = 1'000'000, max_smoothed_in_blocks = 250'000;
 
 // Why blocks on a device would not do what the scene asks for; "": they would.
 std::string what_blocks_lack(const Model& model, const Scene& scene, SolverOptions options) {
@@ -25,7 +26,8 @@ std::string what_blocks_lack(const Model& model, const Scene& scene, SolverOptio
     return "without viscosity the rebound is that of the time step, which is of first order in "
            "blocks";
   }
-  if (model.tet_count() > max_in_blocks) return "so many tets were not run in blocks";
+  const std::size_t most = scene.has<SmoothedNeoHookean>() ? max_smoothed_in_blocks : max_in_blocks;
+  if (model.tet_count() > most) return "so many tets were not run in blocks";
   return "";
 }
 

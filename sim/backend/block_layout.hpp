@@ -307,6 +307,13 @@ class BlockLayout {
     for (std::size_t i = 0; i < arity; ++i) mobility[i] = mobility_of(program, vertices[i]);
   }
 
+  // Whether the next place names the same vertex, as in elements with fewer than there are places
+  // (model/edge_domains.hpp).
+  template <std::size_t arity>
+  static bool is_named_again(const std::array<int, arity>& vertices, std::size_t i) {
+    return i + 1 < arity && vertices[i] == vertices[i + 1];
+  }
+
   // How many elements of a block each vertex belongs to.
   struct ElementCounts {
     std::vector<int> of, so_far;  // [vertices]
@@ -319,8 +326,9 @@ class BlockLayout {
       for (const int v : vertices) of[v] = so_far[v] = 0;
       vertices.clear();
       for (const int e : elements) {
-        for (const int v : effect.vertices[e]) {
-          if (of[v]++ == 0) vertices.push_back(v);
+        const auto& own = effect.vertices[e];
+        for (std::size_t i = 0; i < own.size(); ++i) {
+          if (!is_named_again(own, i) && of[own[i]]++ == 0) vertices.push_back(own[i]);
         }
       }
     }
@@ -342,11 +350,17 @@ class BlockLayout {
     const Range replicas = replicas_in(block);
     std::vector<std::array<int, arity>> local;
     for (const int e : members) {
-      auto& element = local.emplace_back(effect.vertices[e]);
-      for (int& v : element) {
+      const auto& own = effect.vertices[e];
+      auto& element = local.emplace_back();
+      for (std::size_t i = arity; i-- > 0;) {
+        const int v = own[i];
+        if (is_named_again(own, i)) {
+          element[i] = element[i + 1];
+          continue;
+        }
         // Elements follow one another in space, so each replica has a sector of its vertex.
         const int part = counts.so_far[v]++ * parts_of(counts.of[v]) / counts.of[v];
-        v = split_.replica_of(block, v) + part - replicas.begin;
+        element[i] = split_.replica_of(block, v) + part - replicas.begin;
       }
     }
     Coloring coloring = color_with_few<arity>(std::span<const std::array<int, arity>>(local),

@@ -25,8 +25,16 @@ namespace {
 
 using sim::Scene, sim::State, sim::Vec3;
 
-constexpr std::size_t max_tets_for_xpbd =
-    30'000;  // beyond, one thread takes minutes to come to rest
+constexpr std::size_t max_tets_on_cpu = 30'000;  // beyond, one thread takes minutes to come to rest
+
+struct Place {
+  const char* name;
+  bool on_device;
+  sim::Scheme scheme;
+};
+constexpr Place places[] = {{"xpbd cpu", false, sim::Scheme::gauss_seidel},
+                            {"xpbd cuda", true, sim::Scheme::gauss_seidel},
+                            {"xpbd cuda blocks", true, sim::Scheme::block_gauss_seidel}};
 
 std::vector<Vec3<double>> judged(const Body& body, const State& state) {
   std::vector<Vec3<double>> u;
@@ -62,11 +70,14 @@ struct Bench {
       Scene scene = scene_of(smoothed, substeps);
       if (assess(body.model, scene).limit.value > sim::cs_limit) continue;
       apply_policy(body.model, scene);
-      for (const bool on_device : {false, true}) {
-        if (on_device && !sim::find_cuda_device().name) continue;
-        const sim::SolverOptions options{.threads = 1};
-        const auto solver = on_device ? make_on_cuda(body.model, scene, options)
-                                      : make_on_cpu(body.model, scene, options);
+      for (const Place& place : places) {
+        if (place.on_device ? !sim::find_cuda_device().name
+                            : body.model.tet_count() > max_tets_on_cpu) {
+          continue;
+        }
+        const sim::SolverOptions options{.scheme = place.scheme, .threads = 1};
+        const auto solver = place.on_device ? make_on_cuda(body.model, scene, options)
+                                            : make_on_cpu(body.model, scene, options);
         State state = newton;
         state.step = 0;
         std::vector<double> ms;
@@ -79,8 +90,8 @@ struct Bench {
           state = solver->state();
         }
         const auto u = judged(body, state);
-        row(body, nu, smoothed ? "smoothed" : "linear", on_device ? "xpbd cuda" : "xpbd cpu",
-            substeps, percent_off(u, truth), percent_off(u, judged(body, newton)), ms);
+        row(body, nu, smoothed ? "smoothed" : "linear", place.name, substeps, percent_off(u, truth),
+            percent_off(u, judged(body, newton)), ms);
       }
     }
   }
@@ -98,8 +109,7 @@ struct Bench {
 void run(const std::string& what, double nu, Bench& bench) {
   if (what != "bar") {
     const Body body = liver(what.c_str(), nu);
-    const bool with_xpbd = body.model.tet_count() <= max_tets_for_xpbd;
-    bench.body(body, nu, judged(body, equilibrium(body.model, scene_of(false, 1), 2)), with_xpbd);
+    bench.body(body, nu, judged(body, equilibrium(body.model, scene_of(false, 1), 2)), true);
     return;
   }
   const Body finest = bar(12, nu), finer = bar(6, nu);

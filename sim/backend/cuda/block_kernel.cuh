@@ -18,10 +18,11 @@ namespace viscera::sim {
 // room in the instruction cache.
 inline constexpr EffectSet tissue = effect_set<Gravity, Fixed, NeoHookean, Ground>;
 inline constexpr EffectSet damped_tissue = tissue | effect_set<Viscosity, Prescribed>;
-// All but what is refused in blocks on a device (what_cuda_lacks.cpp).
-inline constexpr EffectSet any_in_blocks = all_effects & ~effect_set<SmoothedNeoHookean>;
 // With a hand and its ball: the live simulator's.
 inline constexpr EffectSet held_tissue = damped_tissue | effect_set<Grip, Collider<Sphere>>;
+// All of it of smoothed elements.
+inline constexpr EffectSet smoothed_tissue =
+    (held_tissue & ~effect_set<NeoHookean>) | effect_set<SmoothedNeoHookean>;
 
 // What a frame's kernel is given; arrays over the local vertices of all blocks unless said
 // otherwise. A grid runs the blocks of the first member, then those of the next.
@@ -552,11 +553,13 @@ inline constexpr std::array kernel_variants<float>{variant<float, tissue, min_wi
                                                    variant<float, held_tissue, min_width>(),
                                                    variant<float, held_tissue, usual_width>(),
                                                    variant<float, held_tissue, max_width>(),
-                                                   variant<float, any_in_blocks, min_width>()};
+                                                   variant<float, smoothed_tissue, min_width>(),
+                                                   variant<float, all_effects, min_width>()};
 template <>
 inline constexpr std::array kernel_variants<double>{
     variant<double, tissue, min_width>(), variant<double, damped_tissue, min_width>(),
-    variant<double, held_tissue, min_width>(), variant<double, any_in_blocks, min_width>()};
+    variant<double, held_tissue, min_width>(), variant<double, smoothed_tissue, min_width>(),
+    variant<double, all_effects, min_width>()};
 
 template <class T>
 auto kernel_for(EffectSet named, int threads, bool single_block) {
