@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        docs gallery live soak bench-solver bench-body bench-error bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
+        docs gallery live soak bench-solver bench-body bench-error bench-support bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -149,6 +149,10 @@ bench-body: $(BENCH)/mesh.vtu ## how far linear tets and smoothed elements are o
 BENCH_ERROR_CSV ?= out/bench/error_bar.csv
 bench-error: build ## error bars beside true errors, where these are known: BENCH_ERROR_MESHES (livers of some 4,000 tets), _CSV
 	@mkdir -p out/bench && $(BIN)/bench_error $(BENCH_ERROR_CSV) $(BENCH_ERROR_MESHES)
+
+BENCH_SUPPORT_CSV ?= out/bench/support.csv
+bench-support: build ## what a support's border costs, by region and by vertices: BENCH_SUPPORT_MESHES (the first is the reference), _CSV
+	@mkdir -p out/bench && $(BIN)/bench_support $(BENCH_SUPPORT_CSV) 0.45 $(BENCH_SUPPORT_MESHES)
 
 bench-gpu: $(BENCH)/mesh.vtu ## what accuracy costs on this machine's GPU: BENCH_MESHES
 	@mkdir -p out/bench && $(BIN)/bench_gpu out/bench/gpu.csv 5 0.45 $(BENCH_MESHES)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "sim/base/refusal.hpp"
 #include "sim/make.hpp"
@@ -85,14 +86,52 @@ class Norms {
 
 struct Equilibria {
   Displacement run, own, linear, quadratic;
+  Displacement smoothed, elsewhere;  // with supports as asked for, and with others
+  double share = 0.0;                // of what these differ by
 };
 
 // `distance` of two fields.
 template <class Distance>
 ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
   const double mesh = saturation / (1.0 - saturation) * distance(all.linear, all.quadratic);
-  return {distance(all.run, all.own), distance(all.own, all.quadratic), mesh,
-          distance(all.run, all.quadratic) + mesh};
+  const double support =
+      all.elsewhere.empty() ? 0.0 : all.share * distance(all.smoothed, all.elsewhere);
+  return {distance(all.run, all.own), distance(all.own, all.quadratic), mesh, support,
+          distance(all.run, all.quadratic) + mesh + support};
+}
+
+// A scene whose supports end elsewhere, and by how much what that changes is to be multiplied to be
+// what whole tets leave of them.
+struct OtherSupports {
+  Scene scene;
+  double share = 0.0;
+  bool narrower = true;
+};
+
+// About a cell farther inside, where something is left of each, or else farther outside. Nothing
+// where every support ends where it should.
+std::optional<OtherSupports> other_supports(const Model& model, const Scene& scene) {
+  for (const bool narrower : {true, false}) {
+    OtherSupports other{.scene = scene, .narrower = narrower};
+    bool is_left = true;
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (Effect::kind == EffectKind::motion) {
+        for (auto& support : std::get<i>(other.scene.effects)) {
+          const BorderGap gap = border_gap(model, support, Effect::name);
+          if (!(gap.mean > 0.0)) continue;
+          const double by = narrower ? gap.cell : -gap.cell;
+          const BorderGap there = border_gap(model, support, Effect::name, by);
+          is_left = is_left && there.tets > 0 && there.mean != gap.mean;
+          other.share = std::max(other.share, gap.mean / std::abs(there.mean - gap.mean));
+          static_cast<Selection&>(support) = narrowed(support, by);
+        }
+      }
+    });
+    if (other.share == 0.0) return std::nullopt;
+    if (is_left) return other;
+  }
+  throw Refusal(Refusal::Cause::scene, "a support", "nothing of it is left, or of the body",
+                "supports with a border");
 }
 
 }  // namespace
@@ -110,13 +149,21 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     const auto find = [&](Element element, const State& from) {
       return equilibrium(model, scene, from, element, pause_point);
     };
-    const State still{end.u, Displacement(end.u.size()), end.step};
+    const Displacement none(end.u.size());
+    const State still{end.u, none, end.step};
     const State linear = find(Element::linear, still);
     // Smoothed elements are the nearest to quadratic tets: from linear ones, which may be 40 % off,
     // a first step has turned tets over.
     const State smoothed = find(Element::smoothed, own == Element::smoothed ? still : linear);
     all.linear = linear.u;
     all.quadratic = find(Element::quadratic, smoothed).u;
+    all.smoothed = smoothed.u;
+    if (const auto other = other_supports(model, scene)) {
+      // What is led now and was not before would have to jump: that begins from the body at rest.
+      const State start = other->narrower ? smoothed : State{none, none, end.step};
+      all.elsewhere = equilibrium(model, other->scene, start, Element::smoothed, pause_point).u;
+      all.share = other->share;
+    }
     all.own = own == Element::linear      ? all.linear
               : own == Element::quadratic ? all.quadratic
                                           : smoothed.u;

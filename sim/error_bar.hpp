@@ -6,7 +6,8 @@
 //   solver   |u - u_s|        iterations, time steps, what the rest that was found still lacks
 //   element  |u_s - u_2|
 //   mesh     s / (1 - s) |u_1 - u_2|    what quadratic tets are off themselves
-//   total    |u - u_2| + mesh
+//   support  g / h |u_e - u_f|   what whole tets leave of a support that is no region of the mesh
+//   total    |u - u_2| + mesh + support
 //
 // The mesh's part rests on the saturation assumption of hierarchical error estimates (Bank and
 // Smith, "A posteriori error estimates based on hierarchical bases", SIAM J. Numer. Anal. 30,
@@ -14,8 +15,11 @@
 // e_1 is at most |u_1 - u_2| + s e_1. It is an assumption: docs/results/body.md holds totals
 // against the truth on bodies where it is known. |u| is the root mean square over the body's mass.
 //
-// What it does not know: how far the surface is from the patient's, the border of a support (which
-// is that of the mesh's vertices), materials and loads.
+// A support's vertices end g inside its border on the average (BorderGap, model/selection.hpp). u_e
+// are smoothed elements, u_f the same with supports that end h farther inside, about a cell: what
+// g leaves is taken for linear in h. Regions of the mesh leave nothing.
+//
+// What it does not know: how far the surface is from the patient's, materials and loads.
 #pragma once
 
 #include <functional>
@@ -36,7 +40,7 @@ namespace viscera::sim {
 inline constexpr double saturation = 0.25;
 
 struct ErrorParts {
-  double solver = 0.0, element = 0.0, mesh = 0.0, total = 0.0;  // m
+  double solver = 0.0, element = 0.0, mesh = 0.0, support = 0.0, total = 0.0;  // m
 };
 
 struct ErrorBar {

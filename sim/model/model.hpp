@@ -27,6 +27,8 @@ struct Model {
   std::vector<double> volume;              // [m] det(Dm)/6, m3
   std::vector<double> mass;                // [n] lumped: a quarter of each tet's mass, kg
   std::vector<char> fixed;                 // [n] 1: the vertex does not move
+  // Parts of the body with a name, whose borders are faces of the mesh: [m] 1 for tets inside.
+  std::map<std::string, std::vector<char>> regions;
   // Of quadratic tets the node in the middle of each edge, by the edge's ends in ascending order,
   // numbered after the vertices. Linear tets have none.
   std::map<std::array<int, 2>, int> midsides;

@@ -12,10 +12,11 @@ namespace {
 
 constexpr double never = std::numeric_limits<double>::infinity();
 
-// One criterion: how far each vertex is from meeting it, m; 0: it does.
+// One criterion: how far each vertex lies beyond its border, m; it is met where that is 0 or less.
+// A criterion without a border of its own has no number in between.
 struct Criterion {
   const char* key;
-  std::vector<double> missed_by;
+  std::vector<double> beyond;
 };
 
 [[noreturn]] void refuse(const std::string& field, const std::string& found,
@@ -29,8 +30,8 @@ std::string in_mm(double m) {
   return out.str();
 }
 
-std::vector<double> missed_by_side(const Model& model, const Selection& selection,
-                                   const std::string& field) {
+std::vector<double> beyond_side(const Model& model, const Selection& selection,
+                                const std::string& field) {
   struct Side {
     double Vec3<double>::*axis;
     double sign;
@@ -47,28 +48,30 @@ std::vector<double> missed_by_side(const Model& model, const Selection& selectio
   const auto& [axis, sign] = found->second;
   double outermost = -never;
   for (const auto& x : model.rest) outermost = std::max(outermost, sign * x.*axis);
-  std::vector<double> missed;
+  std::vector<double> beyond;
   for (const auto& x : model.rest) {
-    missed.push_back(std::max(0.0, outermost - sign * x.*axis - selection.within));
+    beyond.push_back(outermost - sign * x.*axis - selection.within);
   }
-  return missed;
+  return beyond;
 }
 
-std::vector<double> missed_by_box(const Model& model, const Selection& selection,
-                                  const std::string& field) {
+std::vector<double> beyond_box(const Model& model, const Selection& selection,
+                               const std::string& field) {
   const Vec3<double> lo = selection.box_lo - model.origin, hi = selection.box_hi - model.origin;
   if (!(lo.x <= hi.x && lo.y <= hi.y && lo.z <= hi.z)) {
     refuse(field, "a box whose least coordinate is above the greatest", "box_lo below box_hi");
   }
-  const auto outside = [](double x, double from, double to) {
-    return std::max({0.0, from - x, x - to});
-  };
-  std::vector<double> missed;
+  const auto outside = [](double x, double from, double to) { return std::max(from - x, x - to); };
+  std::vector<double> beyond;
   for (const auto& x : model.rest) {
-    missed.push_back(norm(Vec3<double>{outside(x.x, lo.x, hi.x), outside(x.y, lo.y, hi.y),
-                                       outside(x.z, lo.z, hi.z)}));
+    const double along[3] = {outside(x.x, lo.x, hi.x), outside(x.y, lo.y, hi.y),
+                             outside(x.z, lo.z, hi.z)};
+    const double most = *std::ranges::max_element(along);
+    const Vec3<double> away{std::max(0.0, along[0]), std::max(0.0, along[1]),
+                            std::max(0.0, along[2])};
+    beyond.push_back(most > 0.0 ? norm(away) : most);
   }
-  return missed;
+  return beyond;
 }
 
 // Whether each vertex belongs to a tet of the label, or of any other.
@@ -81,18 +84,39 @@ std::vector<char> touched_by(const Model& model, int label, bool others) {
   return touched;
 }
 
-std::vector<double> missed_by_label(const Model& model, const Selection& selection,
-                                    const std::string& field) {
+std::vector<double> beyond_label(const Model& model, const Selection& selection,
+                                 const std::string& field) {
   const auto own = touched_by(model, find_label(model, selection.label, field), false);
-  std::vector<double> missed;
-  for (const char is_own : own) missed.push_back(is_own ? 0.0 : never);
-  return missed;
+  std::vector<double> beyond;
+  for (const char is_own : own) beyond.push_back(is_own ? -never : never);
+  return beyond;
+}
+
+const std::vector<char>& find_region(const Model& model, const std::string& name,
+                                     const std::string& field) {
+  const auto found = model.regions.find(name);
+  if (found != model.regions.end()) return found->second;
+  std::string known;
+  for (const auto& [other, inside] : model.regions) known += (known.empty() ? "" : ", ") + other;
+  refuse(field, "no region '" + name + "' in the mesh",
+         known.empty() ? "a mesh made with regions" : "one of: " + known,
+         known.empty() ? "give tetmesh.regions, or select by side or box" : "");
+}
+
+std::vector<double> beyond_region(const Model& model, const Selection& selection,
+                                  const std::string& field) {
+  const auto& inside = find_region(model, selection.region, field);
+  std::vector<double> beyond(model.vertex_count(), never);
+  for (std::size_t t = 0; t < model.tet_count(); ++t)
+    for (const int v : model.tets[t])
+      if (inside[t]) beyond[v] = -never;
+  return beyond;
 }
 
 // Distances to the label's surface. Triangles are sorted along x, and for each vertex only those
 // that may be nearer than the nearest so far are looked at.
-std::vector<double> missed_by_near(const Model& model, const Selection& selection,
-                                   const std::string& field) {
+std::vector<double> beyond_near(const Model& model, const Selection& selection,
+                                const std::string& field) {
   const int label = find_label(model, selection.near, field);
   struct Slab {
     double lo, hi;
@@ -110,7 +134,7 @@ std::vector<double> missed_by_near(const Model& model, const Selection& selectio
   double widest = 0.0;
   for (const Slab& slab : slabs) widest = std::max(widest, slab.hi - slab.lo);
   const auto others = touched_by(model, label, true);
-  std::vector<double> missed(model.vertex_count(), never);
+  std::vector<double> beyond(model.vertex_count(), never);
   double nearest_miss = never;  // of all vertices: no farther one is of interest
   for (std::size_t v = 0; v < model.vertex_count(); ++v) {
     if (!others[v]) continue;
@@ -124,33 +148,38 @@ std::vector<double> missed_by_near(const Model& model, const Selection& selectio
       best = std::min(
           best, norm(p - nearest_on_triangle(p, model.rest[a], model.rest[b], model.rest[c])));
     }
-    missed[v] = std::max(0.0, best - selection.within);
-    nearest_miss = std::min(nearest_miss, missed[v]);
+    beyond[v] = best - selection.within;
+    nearest_miss = std::min(nearest_miss, std::max(0.0, beyond[v]));
   }
-  return missed;
+  return beyond;
 }
 
 std::vector<Criterion> criteria_of(const Model& model, const Selection& selection,
                                    const std::string& prefix) {
   std::vector<Criterion> criteria;
-  const auto add = [&](const char* key, auto&& missed_by) {
-    criteria.push_back({key, missed_by(model, selection, prefix + key)});
+  const auto add = [&](const char* key, auto&& beyond) {
+    criteria.push_back({key, beyond(model, selection, prefix + key)});
   };
-  if (!selection.side.empty()) add("side", missed_by_side);
-  if (norm(selection.box_hi - selection.box_lo) > 0.0) add("box_lo", missed_by_box);
-  if (!selection.label.empty()) add("label", missed_by_label);
-  if (!selection.near.empty()) add("near", missed_by_near);
+  if (!selection.region.empty()) add("region", beyond_region);
+  if (!selection.side.empty()) add("side", beyond_side);
+  if (norm(selection.box_hi - selection.box_lo) > 0.0) add("box_lo", beyond_box);
+  if (!selection.label.empty()) add("label", beyond_label);
+  if (!selection.near.empty()) add("near", beyond_near);
   return criteria;
 }
 
-// How near the nearest vertex comes to meeting all criteria, for the message.
-std::string nearest_candidate(const std::vector<Criterion>& criteria, std::size_t vertices) {
-  double nearest = never;
-  for (std::size_t v = 0; v < vertices; ++v) {
-    double miss = 0.0;
-    for (const Criterion& c : criteria) miss = std::max(miss, c.missed_by[v]);
-    nearest = std::min(nearest, miss);
+// How far each vertex lies beyond the border of what meets all criteria.
+std::vector<double> beyond_all(const std::vector<Criterion>& criteria, std::size_t vertices) {
+  std::vector<double> beyond(vertices, -never);
+  for (const Criterion& c : criteria) {
+    for (std::size_t v = 0; v < vertices; ++v) beyond[v] = std::max(beyond[v], c.beyond[v]);
   }
+  return beyond;
+}
+
+// How near the nearest vertex comes to meeting all criteria, for the message.
+std::string nearest_candidate(const std::vector<double>& beyond) {
+  const double nearest = *std::ranges::min_element(beyond);
   if (nearest == never) return "leave out a criterion";
   return "the nearest vertex misses it by " + in_mm(nearest);
 }
@@ -208,19 +237,50 @@ std::vector<int> select_vertices(const Model& model, const Selection& selection,
   const auto criteria = criteria_of(model, selection, prefix);
   if (criteria.empty()) {
     refuse(prefix + "side", "nothing says which vertices",
-           "at least one of side, label, near, box_lo and box_hi");
+           "at least one of region, side, label, near, box_lo and box_hi");
   }
+  const std::vector<double> beyond = beyond_all(criteria, model.vertex_count());
   std::vector<int> selected;
   for (std::size_t v = 0; v < model.vertex_count(); ++v) {
-    const bool meets =
-        std::ranges::all_of(criteria, [v](const Criterion& c) { return c.missed_by[v] == 0.0; });
-    if (meets) selected.push_back(static_cast<int>(v));
+    if (beyond[v] <= 0.0) selected.push_back(static_cast<int>(v));
   }
   if (selected.empty()) {
     refuse(prefix + criteria.back().key, "no vertex is selected",
-           "a selection of at least one vertex", nearest_candidate(criteria, model.vertex_count()));
+           "a selection of at least one vertex", nearest_candidate(beyond));
   }
   return selected;
+}
+
+BorderGap border_gap(const Model& model, const Selection& selection, const char* effect,
+                     double narrower_by) {
+  const auto criteria = criteria_of(model, selection, std::string("effects.") + effect + ".");
+  const std::vector<double> beyond = beyond_all(criteria, model.vertex_count());
+  BorderGap gap;
+  for (const Tet& tet : model.tets) {
+    double depth = never, farthest = -never, edges = 0.0;
+    for (const int v : tet) {
+      if (beyond[v] <= -narrower_by) depth = std::min(depth, -beyond[v]);
+      farthest = std::max(farthest, beyond[v]);
+      for (const int w : tet) edges += norm(model.rest[v] - model.rest[w]) / 12.0;
+    }
+    if (depth == never || !(farthest > -narrower_by && farthest < never)) continue;
+    ++gap.tets;
+    gap.mean += depth;
+    gap.largest = std::max(gap.largest, depth);
+    gap.cell += edges;
+  }
+  const double tets = static_cast<double>(std::max<std::size_t>(1, gap.tets));
+  gap.mean /= tets, gap.cell /= tets;
+  return gap;
+}
+
+Selection narrowed(Selection selection, double by) {
+  selection.within -= by;
+  if (norm(selection.box_hi - selection.box_lo) > 0.0) {
+    selection.box_lo += Vec3<double>{by, by, by};
+    selection.box_hi -= Vec3<double>{by, by, by};
+  }
+  return selection;
 }
 
 std::vector<Triangle> select_faces(const Model& model, const Selection& selection,
@@ -228,10 +288,14 @@ std::vector<Triangle> select_faces(const Model& model, const Selection& selectio
   std::vector<char> selected(model.vertex_count(), 0);
   const auto vertices = select_vertices(model, selection, effect);
   for (const int v : vertices) selected[v] = 1;
-  auto faces = boundary_faces(model);
-  std::erase_if(faces, [&selected](const Triangle& face) {
-    return std::ranges::any_of(face, [&selected](int v) { return !selected[v]; });
-  });
+  const std::vector<char>* inside = nullptr;
+  if (!selection.region.empty()) inside = &model.regions.at(selection.region);
+  std::vector<Triangle> faces;
+  for (const TetFace& face : tet_faces(model)) {
+    if (face.other >= 0 || (inside != nullptr && !(*inside)[face.tet])) continue;
+    if (std::ranges::all_of(face.vertices, [&](int v) { return selected[v] != 0; }))
+      faces.push_back(face.vertices);
+  }
   if (faces.empty()) {
     refuse(std::string("effects.") + effect,
            std::to_string(vertices.size()) + " vertices selected, and no triangle of the surface",

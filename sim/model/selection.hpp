@@ -1,6 +1,7 @@
 // Which vertices an effect acts on, as a scene says it. Every criterion that is given must hold;
 // at least one has to be. SI units; boxes are in patient coordinates (LPS: +x left, +y posterior,
-// +z superior), from which Model::origin was subtracted.
+// +z superior), from which Model::origin was subtracted. A region has its border among the faces of
+// the mesh; what a box or a side selects is as much of the body as whole tets allow.
 #pragma once
 
 #include "sim/model/field.hpp"
@@ -10,6 +11,7 @@
 namespace viscera::sim {
 
 struct Selection {
+  std::string region;           // the vertices of this region of the mesh
   std::string side;             // of the body's bounding box, no farther than `within` from it
   std::string label;            // the vertices of this label
   std::string near;             // those of other labels, no farther than `within` from this label
@@ -18,6 +20,7 @@ struct Selection {
 
   static constexpr auto fields() {
     return std::tuple{
+        Field{"region", "", &Selection::region, "a region that the mesh was made with"},
         Field{"side", "left|right|anterior|posterior|superior|inferior", &Selection::side,
               "vertices at this side of the body's bounding box"},
         Field{"label", "", &Selection::label, "vertices of this label"},
@@ -33,9 +36,26 @@ struct Selection {
 std::vector<int> select_vertices(const Model& model, const Selection& selection,
                                  const char* effect);
 
-// The triangles of the body's surface with all three vertices selected; refused if there is none.
+// The triangles of the body's surface with all three vertices selected, and of a region, with its
+// tets behind them; refused if there is none.
 std::vector<Triangle> select_faces(const Model& model, const Selection& selection,
                                    const char* effect);
+
+// What whole tets leave of a selection: how far inside its border the vertices lie that it selects
+// of the tets which the border crosses. No tets where the border is one of labels or of a region.
+struct BorderGap {
+  std::size_t tets = 0;
+  double mean = 0.0, largest = 0.0;  // m, over these tets
+  double cell = 0.0;                 // m, the mean edge of theirs
+};
+// With `narrower_by` for the selection that ends so much farther inside, as seen from the border of
+// this one, m; negative: farther outside.
+BorderGap border_gap(const Model& model, const Selection& selection, const char* effect,
+                     double narrower_by = 0.0);
+
+// The selection whose borders lie farther inside: those of the box, of the side and of what is
+// near.
+Selection narrowed(Selection selection, double by);
 
 // Tets of a model with their numbers.
 struct TetSubset : std::vector<Tet> {

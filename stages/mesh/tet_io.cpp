@@ -12,6 +12,7 @@
 #include <vtkNew.h>
 #include <vtkPoints.h>
 #include <vtkSmartPointer.h>
+#include <vtkUnsignedCharArray.h>
 #include <vtkUnstructuredGrid.h>
 #include <vtkVersion.h>
 #include <vtkXMLUnstructuredGridReader.h>
@@ -20,6 +21,7 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <string_view>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
@@ -132,6 +134,8 @@ void orient(const std::filesystem::path& path, TetMesh& mesh) {
   if (turned > 0) log::warn("{}: turned {} tets of negative orientation", path.string(), turned);
 }
 
+constexpr std::string_view region_prefix = "region ";
+
 // Our own name comes first; the others are those of meshio and MMG.
 constexpr const char* label_arrays[] = {"label", "gmsh:physical", "medit:ref", "CellEntityIds"};
 
@@ -172,6 +176,12 @@ void read_cell_data(vtkUnstructuredGrid& grid, TetMesh& mesh) {
     if (array == nullptr || array->GetName() == nullptr) continue;
     const std::string name = array->GetName();
     if (name == "label" || array->GetNumberOfComponents() != 1) continue;
+    if (name.starts_with(region_prefix)) {
+      auto& inside = mesh.regions[name.substr(region_prefix.size())];
+      for (vtkIdType t = 0; t < array->GetNumberOfTuples(); ++t)
+        inside.push_back(array->GetComponent(t, 0) > 0.5);
+      continue;
+    }
     auto& values = mesh.cell_data[name];
     for (vtkIdType t = 0; t < array->GetNumberOfTuples(); ++t)
       values.push_back(static_cast<float>(array->GetComponent(t, 0)));
@@ -184,6 +194,15 @@ vtkSmartPointer<vtkUnstructuredGrid> read_grid(const std::filesystem::path& path
           path, "a VTK XML unstructured grid");
   if (!read.data) throw bad_mesh(path, read.field, read.found, "a whole .vtu file");
   return read.data;
+}
+
+template <class Array, class Value>
+void add_array(vtkUnstructuredGrid& grid, const std::string& name,
+               const std::vector<Value>& values) {
+  vtkNew<Array> array;
+  array->SetName(name.c_str());
+  for (const Value value : values) array->InsertNextValue(value);
+  grid.GetCellData()->AddArray(array);
 }
 
 ForeignMesh read_as_it_stands(const std::filesystem::path& path, vtkUnstructuredGrid& grid,
@@ -229,12 +248,9 @@ void write_vtu(const std::filesystem::path& path, const TetMesh& mesh) {
   labels->SetName("label");
   for (const int label : mesh.labels) labels->InsertNextValue(label);
   grid->GetCellData()->SetScalars(labels);
-  for (const auto& [name, values] : mesh.cell_data) {
-    vtkNew<vtkFloatArray> array;
-    array->SetName(name.c_str());
-    for (const float value : values) array->InsertNextValue(value);
-    grid->GetCellData()->AddArray(array);
-  }
+  for (const auto& [name, inside] : mesh.regions)
+    add_array<vtkUnsignedCharArray>(*grid, std::string(region_prefix) + name, inside);
+  for (const auto& [name, values] : mesh.cell_data) add_array<vtkFloatArray>(*grid, name, values);
   label_names_to(*grid->GetFieldData(), mesh.label_names);
 
   const VtkMessages messages;

@@ -1,5 +1,6 @@
-// mesh.vtu: points and tets, the cell array `label`, per-tet arrays, and the label names as field
-// data (`label_ids`, `label_names`).
+// mesh.vtu: points and tets, the cell array `label`, one named `region NAME` for each region (1
+// inside, 0 outside), other per-tet arrays, and the label names as field data (`label_ids`,
+// `label_names`).
 #pragma once
 
 #include <filesystem>

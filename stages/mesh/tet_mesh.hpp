@@ -15,6 +15,8 @@ struct TetMesh {
   std::vector<std::array<int, 4>> tets;       // positively oriented: det(p1-p0, p2-p0, p3-p0) > 0
   std::vector<int> labels;                    // one per tet
   std::map<int, std::string> label_names;     // material name of every label that occurs
+  // Regions that a scene's effects act on, by name: per tet 1 inside, 0 outside.
+  std::map<std::string, std::vector<char>> regions;
   std::map<std::string, std::vector<float>> cell_data;  // further per-tet arrays, by name
 };
 

@@ -7,7 +7,9 @@ sim::Model make_body(const TetMesh& mesh, const std::map<int, sim::Material>& by
   for (const auto& [x, y, z] : mesh.points) {
     points.push_back(mm_to_m * sim::Vec3<double>{x, y, z});
   }
-  return sim::make_model(points, mesh.tets, mesh.labels, by_label, mesh.label_names);
+  sim::Model model = sim::make_model(points, mesh.tets, mesh.labels, by_label, mesh.label_names);
+  model.regions = mesh.regions;
+  return model;
 }
 
 std::vector<float> positions_mm(const sim::Model& model, const sim::State& state) {

@@ -244,12 +244,13 @@ void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& f
     log::warn("how far the body is off is not known: {}", bar.unknown);
     return;
   }
-  const auto [solver, element, mesh, total] = bar.displacement;
+  const auto [solver, element, mesh, support, total] = bar.displacement;
   run.metric("error_total", m_to_mm * total, "mm");
   run.metric("error_total_share", total / bar.size);
   run.metric("error_solver", m_to_mm * solver, "mm");
   run.metric("error_element", m_to_mm * element, "mm");
   run.metric("error_mesh", m_to_mm * mesh, "mm");
+  run.metric("error_support", m_to_mm * support, "mm");
   run.metric("error_largest", m_to_mm * bar.largest, "mm");
   Json centroids = Json::object();
   for (std::size_t m = 0; m < bar.centroids.size(); ++m) {
@@ -258,9 +259,9 @@ void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& f
   run.metric("error_centroids", centroids, "mm");
   log::info(
       "at rest the body is off by {:.3g} mm rms or less ({:.2g} % of its displacement): solver "
-      "{:.2g}, element {:.2g}, mesh {:.2g} mm; {:.1f} s",
+      "{:.2g}, element {:.2g}, mesh {:.2g}, support {:.2g} mm; {:.1f} s",
       m_to_mm * total, 100.0 * total / bar.size, m_to_mm * solver, m_to_mm * element,
-      m_to_mm * mesh, wall.count());
+      m_to_mm * mesh, m_to_mm * support, wall.count());
 }
 
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome) {

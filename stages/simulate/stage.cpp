@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <concepts>
 #include <fstream>
 #include <functional>
 
@@ -41,6 +42,8 @@ constexpr double m3_to_ml = 1e6;
 constexpr double full_damping = 0.95, min_damping = 0.5;
 // Of the bound on the solver's error at rest, which is large on Delaunay meshes.
 constexpr double worth_a_warning = 0.1;
+// mm, a fifth of a fine scan's voxel: what borders miss beyond is said.
+constexpr double border_worth_a_word = 0.1;
 
 // metrics.csv: one row a frame, every column with its unit; no times of the machine, so that equal
 // runs give equal files.
@@ -166,6 +169,32 @@ void report_locking(StageRun& run, const sim::Model& model, const sim::Scene& sc
       100.0 * locking.loss, sim::locking_from_nu);
 }
 
+// What whole tets leave of what the scene's effects select: said before the run, and first of all
+// in the report where vertices are held or led, on which all else hangs.
+void report_borders(StageRun& run, const sim::Model& model, const sim::Scene& scene) {
+  sim::BorderGap largest;
+  sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (std::derived_from<typename Effect::Params, sim::Selection>) {
+      for (const auto& params : std::get<i>(scene.effects)) {
+        const sim::BorderGap gap = sim::border_gap(model, params, Effect::name);
+        if (!(m_to_mm * gap.mean > border_worth_a_word)) continue;
+        const std::string text = fmt::format(
+            "The border of effects.{} crosses tets, and what it selects ends {:.2g} mm inside of "
+            "it "
+            "(at most {:.2g} mm): it moves with the mesh",
+            Effect::name, m_to_mm * gap.mean, m_to_mm * gap.largest);
+        log::warn(
+            "{}\n  remedy:  tetmesh.regions puts it into the mesh, effects.{}.region takes it",
+            text, Effect::name);
+        if (Effect::kind != sim::EffectKind::motion) continue;
+        run.caveat(text + "; a region of the mesh (tetmesh.regions) would not.");
+        if (gap.mean > largest.mean) largest = gap;
+      }
+    }
+  });
+  run.metric("support_border", m_to_mm * largest.mean, "mm");
+}
+
 // How much of the damping that the scene asks for acts, at rest: all of it where it is solved for.
 void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& scene,
                       sim::Method method, const sim::Solver& solver) {
@@ -264,6 +293,7 @@ void simulate(StageRun& run) {
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
   report_stability(run, stability, file.scene, asked_substeps, options.method);
   report_locking(run, model, file.scene, options);
+  report_borders(run, model, file.scene);
   report_solver_error(run, stability, file.scene, options.method);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
 
@@ -372,7 +402,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "11",
+           .version = "12",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

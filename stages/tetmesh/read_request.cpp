@@ -1,5 +1,9 @@
 #include "stages/tetmesh/read_request.hpp"
 
+#include <algorithm>
+#include <cctype>
+
+#include "pipeline/contract/label_name.hpp"
 #include "stages/image/image_io.hpp"
 #include "stages/mesh/surface_io.hpp"
 
@@ -12,7 +16,60 @@ Choice choice(const StageRun& run, const char* param,
   return choices.at(run.param<std::string>(param));
 }
 
+RegionRequest read_region(const std::string& name, const Json& given) {
+  const std::string prefix = "regions." + name + ".";
+  // It names an array of a file, where VTK does not write every letter.
+  const auto is_plain = [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-' || c == '.';
+  };
+  if (name.empty() || name.size() > max_label_name || !std::ranges::all_of(name, is_plain)) {
+    throw Error(ExitCode::bad_config, {.where = "parameters",
+                                       .field = "regions",
+                                       .found = "a region named '" + name + "'",
+                                       .allowed = "letters, digits, _ - and ., at most 100"});
+  }
+  if (!given.is_object()) {
+    throw Error(ExitCode::bad_config, {.where = "parameters",
+                                       .field = "regions." + name,
+                                       .found = given.dump(),
+                                       .allowed = "{side: superior, within: 30 mm}, or a box"});
+  }
+  const Json values = resolve({{.name = "side", .fallback = ""},
+                               quantity("within", "1 mm", "mm", 0.0, 1e6, ""),
+                               {.name = "box_lo", .type = ParamType::list, .fallback = nullptr},
+                               {.name = "box_hi", .type = ParamType::list, .fallback = nullptr}},
+                              given, "parameters", prefix);
+  const auto corner = [&](const char* key) {
+    const Param coordinate = quantity(key, nullptr, "mm", -1e6, 1e6, "");
+    const Json& list = values.at(key);
+    if (list.size() != 3) {
+      throw Error(ExitCode::bad_config,
+                  {.where = "parameters",
+                   .field = prefix + key,
+                   .found = list.is_null() ? "nothing" : list.dump(),
+                   .allowed = "three coordinates, as [0 mm, -40 mm, 870 mm]"});
+    }
+    Vec place;
+    for (std::size_t a = 0; a < 3; ++a)
+      place[a] = resolve_required(coordinate, list[a], "parameters", prefix + key).get<double>();
+    return place;
+  };
+  RegionRequest region{.name = name,
+                       .side = values.at("side").get<std::string>(),
+                       .within = values.at("within").get<double>(),
+                       .box = std::nullopt};
+  if (!values.at("box_lo").is_null() || !values.at("box_hi").is_null())
+    region.box = Box{corner("box_lo"), corner("box_hi")};
+  return region;
+}
+
 }  // namespace
+
+std::vector<RegionRequest> read_regions(const Json& given) {
+  std::vector<RegionRequest> regions;
+  for (const auto& [name, value] : given.items()) regions.push_back(read_region(name, value));
+  return regions;
+}
 
 MeshRequest read_request(const StageRun& run) {
   using Request = MeshRequest;
@@ -53,6 +110,7 @@ MeshRequest read_request(const StageRun& run) {
     request.sizes[name] =
         resolve_required(size, value, "parameters", "sizes." + name).get<double>();
   }
+  request.regions = read_regions(run.params().at("regions"));
   return request;
 }
 

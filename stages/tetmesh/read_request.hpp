@@ -9,4 +9,7 @@ namespace viscera {
 // Reads the labels and, where the route needs it, the surface. Throws Error.
 MeshRequest read_request(const StageRun& run);
 
+// The parameter `regions`. Throws Error(bad_config).
+std::vector<RegionRequest> read_regions(const Json& given);
+
 }  // namespace viscera

@@ -51,6 +51,12 @@ std::vector<Param> params() {
           "size at the boundary and between labels, as a part of the cell size (route fields)"),
       quantity("grading", 0.3, "1", 0.01, 10.0,
                "mm that the size may grow in a mm, where sizes differ"),
+      {.name = "regions",
+       .type = ParamType::map,
+       .fallback = Json::object(),
+       .doc = "parts of the body that a scene's effects name, with their borders among the faces "
+              "of the mesh: {support: {side: superior, within: 30 mm}, patch: {box_lo: [0 mm, "
+              "0 mm, 0 mm], box_hi: [..]}}; a side is one of the labels, or of the surface"},
       quantity("facet_size", 1.0, "1", 0.05, 10.0,
                "surface facets, as a multiple of the cell size"),
       quantity("facet_distance", 0.1, "1", 0.001, 1.0,
@@ -80,7 +86,7 @@ std::vector<Param> params() {
        .choices = {"auto", "own", "cgal", "none"},
        .doc = "own: edge removal, flips, smoothing and collapse, worst tets first; cgal: Mesh_3's "
               "perturbation and exudation of slivers; none: as refined or given; auto: own, but "
-              "none for a given mesh"},
+              "none for a given mesh without regions"},
       quantity("sliver_angle", "10 deg", "deg", 0.0, 70.0,
                "dihedral angle below which improve: cgal works on a tet"),
       {.name = "time_limit",
@@ -152,6 +158,17 @@ Json repairs_json(const Repairs& repairs) {
           {"tets_collapsed", repairs.tets_collapsed},  {"duplicate_tets", repairs.duplicate_tets},
           {"tets_turned", repairs.tets_turned},        {"stray_points", repairs.stray_points},
           {"tets_relabelled", repairs.tets_relabelled}};
+}
+
+Json regions_json(const TetMesh& mesh, const std::vector<TetQuality>& quality) {
+  Json regions = Json::object();
+  for (const auto& [name, inside] : mesh.regions) {
+    double ml = 0.0;
+    for (std::size_t t = 0; t < inside.size(); ++t)
+      if (inside[t]) ml += quality[t][volume] / 1000.0;
+    regions[name] = {{"tets", std::ranges::count(inside, 1)}, {"ml", ml}};
+  }
+  return regions;
 }
 
 void add_cell_data(TetMesh& mesh, const std::vector<TetQuality>& quality) {
@@ -280,7 +297,8 @@ Made make_mesh(StageRun& run) {
   return made;
 }
 
-// A mesh made elsewhere. No surface holds its boundary, so that the improver leaves it alone.
+// A mesh made elsewhere. No surface holds its boundary, so that the improver leaves it alone; of
+// what a region's border cuts, pieces on the boundary stay as they are.
 Made take_mesh(StageRun& run) {
   Imported imported = import_mesh(run.input("mesh"));
   Made made{.mesh = std::move(imported.mesh), .how = {{"route", "import"}}};
@@ -301,9 +319,16 @@ Made take_mesh(StageRun& run) {
                                        .allowed = "auto, own or none"});
   }
   made.wanted.time = time_goal(run, made.mesh.label_names);
-  if (improver == "own") {
-    made.how["improved"] = improved_json(improve(made.mesh, {}));
-  }
+  const auto regions = read_regions(run.params().at("regions"));
+  std::vector<Region> wanted;
+  for (const RegionRequest& asked : regions)
+    wanted.push_back(make_region(asked, box_of(made.mesh.points)));
+  const auto planes = planes_of(wanted);
+  const Projector project = with_planes({}, planes);
+  cut_along(made.mesh, planes, project);
+  if (improver == "own" || (improver == "auto" && !planes.empty()))
+    made.how["improved"] = improved_json(improve(made.mesh, project));
+  name_regions(made.mesh, wanted);
   return made;
 }
 
@@ -314,6 +339,7 @@ void run_tetmesh(StageRun& run) {
   const auto quality = measure(mesh);
   Json report = judge(run, mesh, quality, made.wanted);
   for (const auto& [key, value] : made.how.items()) report[key] = value;
+  if (!mesh.regions.empty()) report["regions"] = regions_json(mesh, quality);
   add_cell_data(mesh, quality);
   const TetExport body = prepare_export(mesh, made.wanted.time.materials);
   for (const auto& format : chosen_formats(run.params().at("formats")))
@@ -335,7 +361,7 @@ Stage tetmesh_stage() {
   Stage stage;
   stage.info = {
       .name = "tetmesh",
-      .version = "6",
+      .version = "7",
       .doc = "Labels or a surface to a conforming tetrahedral mesh with its quality.",
       .inputs = {{.role = "labels", .required = false, .doc = "labels.nrrd of viscera-labels"},
                  {.role = "surface",

@@ -24,6 +24,8 @@ struct Case {
   int cuts;  // of the mesh that gives the truth
 };
 
+constexpr double face = 1e-9;  // m: a side and nothing behind it
+
 // The tapered panel of Cook, 48 mm long, 44 to 16 mm high and 8 mm deep, bent by a load at its end.
 Case panel(double nu) {
   Model box = sim::make_five_tet_box({0.048, 0.044, 0.008}, {8, 8, 2}, tissue(nu, 5e4));
@@ -35,7 +37,8 @@ Case panel(double nu) {
   Model model = make_model(box.rest, box.tets, labels, {{0, box.materials[0]}}, {{0, "panel"}});
   Case one{"tapered panel", nu, std::move(model), scene_of(false, 1), 1};
   one.scene.params<sim::Gravity>().clear();
-  one.scene.params<sim::Fixed>().emplace_back().side = "right";
+  auto& held = one.scene.params<sim::Fixed>().emplace_back();
+  held.side = "right", held.within = face;
   auto& load = one.scene.params<sim::Load>().emplace_back();
   load.side = "left", load.force = {0.0, 0.05, 0.0};
   return one;
@@ -67,9 +70,11 @@ Case bonded_cube(double nu) {
   Case one{"bonded cube, pressed by 20 %", nu,
            sim::make_five_tet_box({0.05, 0.05, 0.05}, {5, 5, 5}, tissue(nu, 5e3)),
            scene_of(false, 1), 1};
-  one.scene.params<sim::Fixed>().emplace_back().side = "inferior";
+  auto& below = one.scene.params<sim::Fixed>().emplace_back();
+  below.side = "inferior", below.within = face;
   auto& top = one.scene.params<sim::Prescribed>().emplace_back();
-  top.side = "superior", top.displacement = {0.0, 0.0, -0.01}, top.duration = 0.0;
+  top.side = "superior", top.within = face, top.displacement = {0.0, 0.0, -0.01},
+  top.duration = 0.0;
   return one;
 }
 
@@ -79,7 +84,8 @@ Case pressed_cube(double nu) {
            sim::make_five_tet_box({0.05, 0.05, 0.05}, {5, 5, 5}, tissue(nu, 5e3)),
            scene_of(false, 1), 1};
   auto& top = one.scene.params<sim::Prescribed>().emplace_back();
-  top.side = "superior", top.displacement = {0.0, 0.0, -0.01}, top.duration = 0.0;
+  top.side = "superior", top.within = face, top.displacement = {0.0, 0.0, -0.01},
+  top.duration = 0.0;
   auto& ground = one.scene.params<sim::Ground>().emplace_back();
   ground.clearance = 0.001, ground.friction = 0.3;
   return one;

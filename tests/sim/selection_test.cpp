@@ -100,6 +100,76 @@ TEST(Selection, APatchHasTheTrianglesWithAllThreeVertices) {
   for (const Triangle& face : faces) EXPECT_GT(area_vector(two_labels(), face).z, 0.0);
 }
 
+// The tets of the half at +x are the region.
+Model with_region() {
+  Model model = two_labels();
+  auto& inside = model.regions["support"];
+  for (const int material : model.material_of) inside.push_back(material == 1);
+  return model;
+}
+
+TEST(Selection, ARegionHasTheVerticesOfItsTetsAndTheSurfaceOfItsTets) {
+  const Model model = with_region();
+  const auto vertices = select_vertices(model, {.region = "support"}, "spring");
+  EXPECT_EQ(vertices.size(), 3u * 5u * 3u);
+  for (const int v : vertices) EXPECT_GT(model.rest[v].x, -1e-12);
+  // Of its own box five of six sides: the sixth is inside the body.
+  EXPECT_EQ(select_faces(model, {.region = "support"}, "spring").size(),
+            2u * (2 * 4 * 2 + 2 * 2 * 2 + 4 * 2));
+  EXPECT_EQ(select_vertices(model, {.region = "support", .side = "superior"}, "spring").size(),
+            3u * 5u);
+}
+
+TEST(Selection, ATriangleBesideARegionIsNotItsOwn) {
+  // All tets but one, whose vertices others have too.
+  Model model = two_labels();
+  const auto all = tet_faces(model);
+  const auto face = std::ranges::find_if(all, [&all](const TetFace& one) {
+    return one.other < 0 && std::ranges::count_if(all, [&one](const TetFace& two) {
+                              return two.other < 0 && two.tet == one.tet;
+                            }) == 1;
+  });
+  ASSERT_NE(face, all.end());
+  auto& inside = model.regions["but one"];
+  inside.assign(model.tet_count(), 1);
+  inside[face->tet] = 0;
+  const auto faces = select_faces(model, {.region = "but one"}, "spring");
+  EXPECT_EQ(faces.size(), boundary_faces(model).size() - 1);
+  EXPECT_EQ(std::ranges::count(faces, face->vertices), 0);
+}
+
+TEST(Selection, ARegionThatTheMeshDoesNotHaveIsRefused) {
+  EXPECT_EQ(refusal_of({.region = "support"}).remedy,
+            "give tetmesh.regions, or select by side or box");
+  try {
+    select_vertices(with_region(), {.region = "suport"}, "fixed");
+    FAIL() << "accepted";
+  } catch (const Refusal& refusal) {
+    EXPECT_EQ(refusal.field, "effects.fixed.region");
+    EXPECT_EQ(refusal.allowed, "one of: support");
+  }
+}
+
+TEST(Selection, ABorderThatCrossesTetsHasAGapAndOneBetweenThemHasNone) {
+  const Model model = with_region();
+  const BorderGap gap = border_gap(model, {.side = "right", .within = 0.0151}, "fixed");
+  EXPECT_GT(gap.tets, 0u);
+  EXPECT_NEAR(gap.mean, 0.0051, 1e-12);
+  EXPECT_NEAR(gap.largest, 0.0051, 1e-12);
+  EXPECT_GT(gap.cell, 0.01);
+  EXPECT_LT(gap.cell, 0.015);
+  const Selection more = {.side = "right", .within = 0.0151};
+  EXPECT_NEAR(border_gap(model, more, "fixed", 0.01).mean, 0.0151, 1e-12);
+  EXPECT_NEAR(border_gap(model, more, "fixed", -0.01).mean, -0.0049, 1e-12);
+  EXPECT_NEAR(border_gap(model, narrowed(more, 0.01), "fixed").mean, 0.0051, 1e-12);
+  // A box ends inside of the body on every side that crosses it: here at z, 3 mm from the vertices.
+  const Selection box = {.box_lo = {-1, -1, -0.007}, .box_hi = {1, 1, 1}};
+  EXPECT_NEAR(border_gap(two_labels({-0.02, -0.02, -0.01}), box, "fixed").mean, 0.007, 1e-12);
+  EXPECT_EQ(border_gap(model, {.region = "support"}, "fixed").tets, 0u);
+  EXPECT_EQ(border_gap(model, {.label = "tumour"}, "fixed").tets, 0u);
+  EXPECT_EQ(border_gap(model, {.side = "right", .within = 1.0}, "fixed").tets, 0u);
+}
+
 TEST(Selection, WhatSelectsNothingIsRefusedWithTheFieldAndTheNearestCandidate) {
   EXPECT_EQ(refusal_of({}).field, "effects.spring.side");
   EXPECT_EQ(refusal_of({.side = "up"}).field, "effects.spring.side");

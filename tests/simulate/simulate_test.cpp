@@ -98,7 +98,7 @@ TEST_F(Simulate, ACertifiedRunSaysHowFarTheBodyIsOffOrWhyThatIsNotKnown) {
   EXPECT_TRUE(metric("error_bar_unknown").is_null());
   EXPECT_GT(metric("error_element").get<double>(), metric("error_solver").get<double>());
   EXPECT_LE(total, metric("error_solver").get<double>() + metric("error_element").get<double>() +
-                       metric("error_mesh").get<double>());
+                       metric("error_mesh").get<double>() + metric("error_support").get<double>());
   EXPECT_GT(metric("error_total_share").get<double>(), 0.01) << "linear tets on three cells";
   EXPECT_GT(metric("error_centroids").at("liver").get<double>(), 0.0);
   ASSERT_EQ(run(held + "element: smoothed\n", {"--set", "certify=true"}), 0) << errors;
@@ -107,6 +107,39 @@ TEST_F(Simulate, ACertifiedRunSaysHowFarTheBodyIsOffOrWhyThatIsNotKnown) {
   EXPECT_EQ(metric("error_bar_unknown"), "the body is not at rest");
   EXPECT_EQ(metric("error_total"), "absent");
   EXPECT_NE(errors.find("not known"), std::string::npos) << errors;
+}
+
+TEST_F(Simulate, ARegionOfTheMeshIsHeldAndABorderBetweenVerticesIsSaid) {
+  TetMesh mesh = read_vtu(path("mesh.vtu"));
+  auto& inside = mesh.regions["top"];
+  for (const auto& tet : mesh.tets) {
+    double z = 0.0;
+    for (const int v : tet) z += 0.25 * mesh.points[v][2];
+    inside.push_back(z > 75.0 - 50.0 / 3.0);
+  }
+  write_vtu(path("mesh.vtu"), mesh);
+  const auto held = [](const char* selection) {
+    return with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}",
+                std::string("fixed: ") + selection);
+  };
+  ASSERT_EQ(run(held("{region: top}"), {"--set", "certify=true"}), 0) << errors;
+  const Json by_region = metric("state_hash_end");
+  EXPECT_EQ(metric("support_border").get<double>(), 0.0);
+  EXPECT_EQ(metric("error_support").get<double>(), 0.0);
+  EXPECT_TRUE(manifest().caveats.empty());
+  const Json scene = Json::parse(read_file(path("out") / "scene.json"));
+  EXPECT_EQ(scene["effects"]["fixed"]["region"], "top");
+  // The same vertices, of a support that ends 4 mm farther down, between two layers of them.
+  ASSERT_EQ(run(held("{side: superior, within: 20.6667 mm}"), {"--set", "certify=true"}), 0)
+      << errors;
+  EXPECT_EQ(metric("state_hash_end"), by_region);
+  EXPECT_NEAR(metric("support_border").get<double>(), 4.0, 0.01);
+  EXPECT_GT(metric("error_support").get<double>(), 0.01);
+  ASSERT_EQ(manifest().caveats.size(), 1u);
+  EXPECT_NE(manifest().caveats[0].find("effects.fixed"), std::string::npos);
+  EXPECT_NE(errors.find("tetmesh.regions"), std::string::npos) << errors;
+  EXPECT_EQ(run(held("{region: bottom}")), 3);
+  EXPECT_NE(errors.find("one of: top"), std::string::npos) << errors;
 }
 
 TEST_F(Simulate, AnErrorThatIsExpectedIsJudgedAndFailsWhereItIsNotKnown) {

@@ -19,7 +19,8 @@ Scene held_scene(bool smoothed) {
     scene.params<NeoHookean>().emplace_back();
   }
   scene.params<Gravity>().emplace_back().direction = {0.0, 1.0, 0.0};
-  scene.params<Fixed>().emplace_back().side = "right";
+  auto& end_face = scene.params<Fixed>().emplace_back();
+  end_face.side = "right", end_face.within = 1e-9;
   return scene;
 }
 
@@ -46,6 +47,46 @@ TEST(ErrorBar, OfABentBarIsNoLessThanTheTrueErrorAndAtMostThreeTimesAsMuch) {
     EXPECT_LT(bar.centroids[0].total, bar.displacement.total + bar.largest);
     EXPECT_GE(bar.largest, bar.displacement.element);
   }
+}
+
+// Held where no vertices are: 15 mm of cells of 10 mm, against cells of 5 mm.
+TEST(ErrorBar, HoldsWhereASupportEndsBetweenVertices) {
+  const Model model = bar();
+  const Model fine = make_five_tet_box({0.08, 0.02, 0.02}, {32, 8, 8}, bar_material);
+  for (const double within : {0.0125 + 1e-9, 0.0175 + 1e-9}) {
+    Scene scene = held_scene(true);
+    scene.params<Fixed>().front().within = within;
+    Scene exact = held_scene(false);
+    exact.params<Fixed>().front().within = within;
+    const Displacement everywhere = equilibrium(fine, exact, 2).u;
+    Displacement truth;  // at the vertices of the coarse bar
+    for (const auto& x : model.rest) {
+      const auto same = std::ranges::find_if(
+          fine.rest, [&x](const Vec3<double>& y) { return norm(x - y) < 1e-9; });
+      ASSERT_NE(same, fine.rest.end());
+      truth.push_back(everywhere[same - fine.rest.begin()]);
+    }
+    const State end = equilibrium(model, scene, 1);
+    const ErrorBar bar = error_bar(model, scene, end, 1, [] {});
+    ASSERT_EQ(bar.unknown, "");
+    const double found = off(model, end.u, truth);
+    EXPECT_GT(bar.displacement.support, 0.05 * bar.size) << "most of the error";
+    EXPECT_GE(bar.displacement.total, found) << within;
+    EXPECT_LE(bar.displacement.total, 3.0 * found) << within;
+  }
+}
+
+// Fewer vertices than a cell's: what is there beyond is looked at instead.
+TEST(ErrorBar, OfASupportThatIsThinnerThanACellCountsWhatLiesBeyond) {
+  const Model model = bar();
+  Scene scene = held_scene(true);
+  scene.params<Fixed>().front().within = 0.004;
+  const ErrorBar bar = error_bar(model, scene, equilibrium(model, scene, 1), 1, [] {});
+  ASSERT_EQ(bar.unknown, "");
+  EXPECT_GT(bar.displacement.support, 0.05 * bar.size);
+  scene.params<Fixed>().front().within = 1e-9;
+  const ErrorBar face = error_bar(model, scene, equilibrium(model, scene, 1), 1, [] {});
+  EXPECT_LT(face.displacement.support, 1e-6 * face.size);
 }
 
 TEST(ErrorBar, GivesTheSolverWhatTheRunIsOffTheEquilibriumOfItsOwnElements) {

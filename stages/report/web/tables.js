@@ -62,9 +62,9 @@ viscera.errorBar = function (report) {
   const centroids = Object.entries(metric("error_centroids") || {});
   return `At rest the body is off by ${mm(total)} (root mean square) or less, ${share} of its displacement: ` +
     `solver ${mm(metric("error_solver"))}, elements ${mm(metric("error_element"))}, ` +
-    `mesh ${mm(metric("error_mesh"))}; centroids: ` +
+    `mesh ${mm(metric("error_mesh"))}, supports ${mm(metric("error_support"))}; centroids: ` +
     centroids.map(([label, off]) => `${label} ${mm(off)}`).join(", ") +
-    ". Not in it: the surface's distance from the scan, the border of supports, materials and loads.";
+    ". Not in it: the surface's distance from the scan, materials and loads.";
 };
 
 viscera.verdict = function (report) {
@@ -118,7 +118,7 @@ viscera.keyFigures = function (report) {
   const off = viscera.metric(report, "simulate", "error_total");
   if (typeof off === "number") {
     add("Error at rest", viscera.quantity(Number(off.toPrecision(2)), "mm"),
-        "root mean square, or less: solver, elements and mesh");
+        "root mean square, or less: solver, elements, mesh and supports");
   } else if (typeof error === "number") {
     add("Solver's error at rest", viscera.quantity(Number((100 * error).toPrecision(2)), "percent"),
         "predicted bound; the error of elements and mesh comes besides (simulate: certify)");

@@ -133,6 +133,34 @@ double MaterialFields::lead(const std::array<double, 3>& p, int a, int b,
   return sign * value;
 }
 
+std::pair<Vec, Vec> MaterialFields::extent() const {
+  constexpr double far = std::numeric_limits<double>::max();
+  std::pair<Vec, Vec> box{{far, far, far}, {-far, -far, -far}};
+  const std::size_t strides[3] = {1, static_cast<std::size_t>(frame_.size[0]),
+                                  static_cast<std::size_t>(frame_.size[0]) * frame_.size[1]};
+  std::size_t voxel = 0;
+  for (int z = 0; z < frame_.size[2]; ++z)
+    for (int y = 0; y < frame_.size[1]; ++y)
+      for (int x = 0; x < frame_.size[0]; ++x, ++voxel) {
+        const std::array<int, 3> at{x, y, z};
+        const double here = values_[voxel * width()] - level_;
+        for (int axis = 0; axis < 3; ++axis) {
+          if (at[axis] + 1 == frame_.size[axis]) continue;
+          const double next = values_[(voxel + strides[axis]) * width()] - level_;
+          if ((here > 0.0) == (next > 0.0)) continue;
+          Vec p;
+          for (int a = 0; a < 3; ++a)
+            p[a] = (at[a] + (a == axis ? here / (here - next) : 0.0)) * frame_.spacing[a];
+          const Vec place = frame_.to_lps(p);
+          for (int a = 0; a < 3; ++a) {
+            box.first[a] = std::min(box.first[a], place[a]);
+            box.second[a] = std::max(box.second[a], place[a]);
+          }
+        }
+      }
+  return box;
+}
+
 bool MaterialFields::locate(const std::array<double, 3>& p, Cell& cell) const {
   std::array<std::size_t, 3> at;
   for (int a = 0; a < 3; ++a) {

@@ -5,9 +5,11 @@
 #pragma once
 
 #include <map>
+#include <utility>
 #include <vector>
 
 #include "stages/image/label_field.hpp"
+#include "stages/mesh/vec.hpp"
 
 namespace viscera {
 
@@ -33,6 +35,10 @@ class MaterialFields {
   // of that per mm; between 0 (outside) and any label it is the body's field that counts. Zero on
   // the interface of the two. Clamped to the grid.
   double lead(const std::array<double, 3>& p, int a, int b, std::array<double, 3>& gradient) const;
+
+  // The least and greatest coordinates of the body, LPS mm, where its surface crosses the edges of
+  // the grid. As good as does not depend on what was aimed at.
+  std::pair<Vec, Vec> extent() const;
 
   // The id that wins at `p` whether or not the body reaches there; 0 outside the grid.
   int nearest(const std::array<double, 3>& p) const;

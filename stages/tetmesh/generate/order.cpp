@@ -47,6 +47,7 @@ void order_along_hilbert_curve(TetMesh& mesh) {
   reorder(mesh.points, point_order);
   reorder(mesh.tets, tet_order);
   reorder(mesh.labels, tet_order);
+  for (auto& [name, inside] : mesh.regions) reorder(inside, tet_order);
   for (auto& [name, values] : mesh.cell_data) reorder(values, tet_order);
   for (auto& tet : mesh.tets) {
     for (int& v : tet) v = new_place[v];

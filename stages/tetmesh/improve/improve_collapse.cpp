@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "stages/tetmesh/improve/improve_stars.hpp"
+#include "stages/tetmesh/improve/project_planes.hpp"
 
 namespace viscera {
 namespace {
@@ -67,11 +68,17 @@ bool surface_links_agree(const Stars& mesh, const Ring& ring, int gone, int kept
          surface_triangles(ring);
 }
 
+// Or on one surface. Where a plane meets the interface of two materials, four parts do.
+bool is_on_one_curve(const std::vector<int>& parts) {
+  return parts.size() <= 3 ||
+         (parts.size() == 4 && parts[0] != 0 && materials_of(parts).size() <= 2);
+}
+
 bool may_collapse(const Stars& mesh, const Ring& ring, int gone, int kept, const Leeway& allowed) {
   if (ring.arcs.empty() || !links_agree(mesh, ring, gone, kept)) return false;
   const auto from = mesh.labels_at(gone), onto = mesh.labels_at(kept);
   if (from.size() < 2) return true;
-  if (from.size() > 3 || !mesh.project()) return false;
+  if (!is_on_one_curve(from) || !mesh.project()) return false;
   return std::includes(onto.begin(), onto.end(), from.begin(), from.end()) &&
          surface_triangles(ring) == static_cast<int>(from.size()) &&
          surface_links_agree(mesh, ring, gone, kept) && surface_stays(mesh, gone, kept, allowed);

@@ -74,7 +74,8 @@ Vec nearest_to_origin(const std::vector<Vec>& hull) {
 }
 
 Vec along(Vec direction, const std::vector<Vec>& normals) {
-  if (normals.size() >= 2) {
+  if (normals.size() > 2) return {};
+  if (normals.size() == 2) {
     const Vec line = cross(normals[0], normals[1]);
     const double length = dot(line, line);
     return length > 1e-4 ? scale(dot(direction, line) / length, line) : Vec{};

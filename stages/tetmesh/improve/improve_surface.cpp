@@ -4,6 +4,7 @@
 #include <tuple>
 
 #include "stages/tetmesh/improve/improve_stars.hpp"
+#include "stages/tetmesh/improve/project_planes.hpp"
 
 namespace viscera {
 namespace {
@@ -66,14 +67,15 @@ void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double w
   double volume = 0.0, area = 0.0;
   for (std::size_t t = 0; t < mesh.tets().size(); ++t) {
     const int tet = static_cast<int>(t);
-    if (!mesh.alive(tet) || (label != 0 && mesh.label(tet) != label)) continue;
+    if (!mesh.alive(tet) || (label != 0 && material_of(mesh.label(tet)) != label)) continue;
     const auto& [a, b, c, d] = mesh.tets()[t];
     volume += dot(sub(p[b], p[a]), cross(sub(p[c], p[a]), sub(p[d], p[a]))) / 6.0;
   }
   const auto counts = [&](int other) {
     return std::find(beside.begin(), beside.end(), other) != beside.end();
   };
-  const auto fits = [&](int a, int b) {
+  const auto fits = [&](int one, int other) {
+    const int a = material_of(one), b = material_of(other);
     return label == 0 ? a == 0 : (a == label && counts(b)) || (b == label && counts(a));
   };
   std::vector<int> moving;
@@ -92,13 +94,13 @@ void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double w
   Trial trial;
   for (const int point : moving) {
     const auto labels = mesh.labels_at(point);
-    if (label != 0 && labels.size() > 2) continue;
+    if (labels.size() > 2 && (label != 0 || materials_of(labels).size() < labels.size())) continue;
     const auto contact = mesh.project()(p[point], labels);
     if (!contact || !mesh.movable(point)) continue;
     // Normals point to the lower one of two labels.
     const double most = max_offset * mesh.size(point);
-    const double way =
-        std::clamp(label == 0 || label == labels.back() ? outward : -outward, -most, most);
+    const double way = std::clamp(
+        label == 0 || label == material_of(labels.back()) ? outward : -outward, -most, most);
     const Vec place = add(p[point], scale(way, contact->normals[0]));
     trial.objector = 0;
     if (mesh.try_at(point, place, std::min(mesh.worst(mesh.star(point)), floor), trial))

@@ -10,7 +10,7 @@
 namespace viscera {
 
 // A place on every interface that was asked for, and the unit normals there: one on a surface, two
-// on a curve where three materials meet.
+// on a curve where three materials meet, three where a point cannot move.
 struct Contact {
   Vec point;
   std::vector<Vec> normals;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <tuple>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
@@ -87,6 +88,7 @@ MeshJob::MeshJob(MeshRequest request)
   if (request.labels) take_labels(request);
   if (!by_fields_) take_surface(request);
   take_sizes(request);
+  take_regions(request);
 }
 
 void MeshJob::take_labels(MeshRequest& request) {
@@ -123,6 +125,7 @@ void MeshJob::take_labels(MeshRequest& request) {
   }
   interfaces_.emplace(*image_);
   fields_.emplace(*image_, request.sigma.value_or(default_sigma(frame)));
+  std::tie(extent_.lo, extent_.hi) = fields_->extent();
 }
 
 void MeshJob::take_sizes(const MeshRequest& request) {
@@ -147,11 +150,18 @@ void MeshJob::take_sizes(const MeshRequest& request) {
   }
 }
 
+void MeshJob::take_regions(const MeshRequest& request) {
+  for (const RegionRequest& asked : request.regions)
+    regions_.push_back(make_region(asked, extent_));
+  planes_ = planes_of(regions_);
+}
+
 void MeshJob::take_surface(const MeshRequest& request) {
   const std::string& file = request.surface_file;
   const SurfaceMesh surface = body_surface(*request.surface, file);
   surface_.emplace(surface, file);
   surface_projector_ = surface_projector(surface);
+  extent_ = box_of(surface.points);
   check_nesting(surface, file);
   if (fields_) return;  // volumes and names come from the labels
   if (surface.label_names.begin()->first == body_label) {
@@ -215,7 +225,7 @@ void MeshJob::assign_labels(TetMesh& mesh) const {
     Vec centre{};
     for (const int corner : mesh.tets[t]) centre = add(centre, scale(0.25, mesh.points[corner]));
     const int id = fields_->nearest(fields_->frame().from_lps(centre));
-    if (id != 0) mesh.labels[t] = id;
+    if (id != 0) mesh.labels[t] += id - material_of(mesh.labels[t]);
   }
 }
 
@@ -244,12 +254,13 @@ MeshJob::Result MeshJob::build(double cell_size, const Mesh3Options& mesh3,
   mesh.label_names = names_;
   result.mended = mend_boundary(mesh, bodies_);
   if (hxt_ && !mesh.tets.empty()) mesh = fill_with_hxt(mesh);
-  if (improve_) {
-    result.improved =
-        improve(mesh, by_fields_ ? field_projector(*fields_) : surface_projector_, options);
-  }
+  const Projector project =
+      with_planes(by_fields_ ? field_projector(*fields_) : surface_projector_, planes_);
+  cut_along(mesh, planes_, project);
+  if (improve_) result.improved = improve(mesh, project, options);
   // Only now: on the surface route the improver has the whole body to work with.
   if (!by_fields_ && fields_) assign_labels(mesh);
+  name_regions(mesh, regions_);
   order_along_hilbert_curve(mesh);
   return result;
 }

@@ -9,6 +9,7 @@
 #include "stages/image/label_image.hpp"
 #include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/generate/mesh.hpp"
+#include "stages/tetmesh/generate/regions.hpp"
 #include "stages/tetmesh/generate/size_field.hpp"
 #include "stages/tetmesh/improve/improve.hpp"
 #include "stages/tetmesh/quality/label_loss.hpp"
@@ -41,6 +42,7 @@ struct MeshRequest {
   std::map<std::string, double> sizes;  // mm, cell sizes of labels that have their own
   double interface_size = 1.0;  // at the boundary and between labels, as a part of the cell size
   double grading = 0.3;         // mm that the size may grow in a mm
+  std::vector<RegionRequest> regions;
 
   // Whether the fields of labels are meshed, or else the surface, where both or one are given.
   // Throws Error(bad_config) where route, inputs, mesher and improver do not fit.
@@ -98,6 +100,7 @@ class MeshJob {
   void take_labels(MeshRequest& request);
   void take_surface(const MeshRequest& request);
   void take_sizes(const MeshRequest& request);
+  void take_regions(const MeshRequest& request);
 
   Result build(double cell_size, const Mesh3Options& mesh3, const ImproveOptions& options) const;
   std::optional<Thinning> thinning(double cell_size) const;
@@ -116,7 +119,10 @@ class MeshJob {
   std::optional<Interfaces> interfaces_;  // of the image
   std::optional<MaterialFields> fields_;
   std::optional<SurfaceBody> surface_;
-  Projector surface_projector_;  // onto it
+  Box extent_;  // of the body: its surface, or that of the fields as first aimed
+  std::vector<Region> regions_;
+  std::vector<Plane> planes_;    // of the regions
+  Projector surface_projector_;  // onto the surface
   double body_volume_ = 0.0;
   std::map<int, double> label_volumes_;
   std::map<int, std::string> names_;

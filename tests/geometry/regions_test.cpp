@@ -1,0 +1,208 @@
+// Regions have their borders among the faces of the mesh, and are the same whatever the cell size.
+#include "stages/tetmesh/generate/regions.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "stages/mesh/tet_topology.hpp"
+#include "tests/geometry/tetmesh_run.hpp"
+
+namespace viscera {
+namespace {
+
+// z of the ball's top and how much of it lies above another z.
+constexpr double radius = 20.0, middle_z = 310.0 + 23.5 * 1.25;
+double cap(double height) {
+  return std::numbers::pi * height * height * (radius - height / 3.0);
+}
+
+double volume_of(const TetMesh& mesh, const std::vector<char>& inside) {
+  double sum = 0.0;
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    const auto& [a, b, c, d] = mesh.tets[t];
+    const auto& p = mesh.points;
+    if (inside[t]) sum += dot(sub(p[b], p[a]), cross(sub(p[c], p[a]), sub(p[d], p[a]))) / 6.0;
+  }
+  return sum;
+}
+
+// How far a tet reaches beyond the plane on the side where it should not be, mm.
+double farthest_across(const TetMesh& mesh, const std::vector<char>& inside, const Plane& plane) {
+  double farthest = 0.0;
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t)
+    for (const int corner : mesh.tets[t])
+      farthest = std::max(farthest, (inside[t] ? -1.0 : 1.0) * plane.above(mesh.points[corner]));
+  return farthest;
+}
+
+TEST_F(Tetmesh, ARegionEndsAtItsPlaneWhateverTheCellSize) {
+  const auto input = write(testing::nested_balls(radius));
+  std::vector<double> offsets;
+  for (const std::string size : {"7mm", "5mm", "4mm"}) {
+    const auto outcome =
+        run(input, {"cell_size=" + size, "regions={support: {side: superior, within: 14 mm}}"});
+    ASSERT_EQ(outcome.code, 0) << size << outcome.log;
+    const TetMesh result = mesh();
+    const auto& inside = result.regions.at("support");
+    double lowest = 1e9;
+    for (std::size_t t = 0; t < inside.size(); ++t)
+      for (const int corner : result.tets[t])
+        if (inside[t]) lowest = std::min(lowest, result.points[corner][2]);
+    offsets.push_back(lowest);
+    EXPECT_LT(farthest_across(result, inside, {{0, 0, 1}, lowest}), 1e-6) << size;
+    EXPECT_NEAR(lowest, middle_z + radius - 14.0, 0.3) << size;
+    EXPECT_NEAR(volume_of(result, inside) / cap(middle_z + radius - lowest), 1.0, 0.03) << size;
+    const auto found = inspect(result);
+    EXPECT_EQ(found.components, 1u);
+    EXPECT_EQ(found.inverted + found.non_manifold_edges + found.non_manifold_points +
+                  found.overfull_faces + found.duplicate_points,
+              0u);
+    EXPECT_EQ(result.label_names.size(), 2u);
+    const auto quality = testing::read_json(out() / "quality.json");
+    EXPECT_NEAR(quality["regions"]["support"]["ml"].get<double>(),
+                volume_of(result, inside) / 1000.0, 1e-9);
+    for (const auto& label : quality["volume"]["labels"])
+      EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.01) << size << label;
+  }
+  EXPECT_NEAR(offsets[0], offsets[2], 1e-6);
+  EXPECT_NEAR(offsets[1], offsets[2], 1e-6);
+}
+
+TEST_F(Tetmesh, WhereABorderMeetsTheSurfaceItsPointsLieOnBoth) {
+  ASSERT_EQ(run(write(testing::ball_surface(radius)),
+                {"cell_size=5mm", "regions={support: {side: left, within: 15 mm}}"})
+                .code,
+            0);
+  const TetMesh result = mesh();
+  const auto& inside = result.regions.at("support");
+  std::vector<char> touched[2];
+  for (auto& one : touched) one.assign(result.points.size(), 0);
+  for (std::size_t t = 0; t < result.tets.size(); ++t)
+    for (const int corner : result.tets[t]) touched[inside[t] != 0][corner] = 1;
+  std::vector<char> boundary(result.points.size(), 0);
+  for (const auto& triangle : boundary_triangles(result))
+    for (const int corner : triangle) boundary[corner] = 1;
+  int on_both = 0;
+  for (std::size_t p = 0; p < result.points.size(); ++p) {
+    if (!touched[0][p] || !touched[1][p] || !boundary[p]) continue;
+    ++on_both;
+    EXPECT_NEAR(result.points[p][0], radius - 15.0, 1e-9);
+    EXPECT_NEAR(norm(result.points[p]), radius, 0.1);
+  }
+  EXPECT_GT(on_both, 15);
+}
+
+TEST_F(Tetmesh, ABoxWithinTheBodyIsARegionOfItsVolume) {
+  const auto outcome =
+      run(write(testing::ball_surface(radius)), {"cell_size=5mm", "min_dihedral=3deg",
+                                                 "regions={core: {box_lo: [-8 mm, -7 mm, -6 mm], "
+                                                 "box_hi: [8 mm, 7 mm, 6 mm]}}"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const TetMesh result = mesh();
+  EXPECT_NEAR(volume_of(result, result.regions.at("core")), 16.0 * 14.0 * 12.0, 1e-4);
+}
+
+TEST_F(Tetmesh, AMeshMadeElsewhereIsCutToo) {
+  TetMesh cube = testing::shaken_cube(5, 0.2, 7);
+  write_vtu(folder_.path() / "cube.vtu", cube);
+  const auto outcome = run("mesh=" + (folder_.path() / "cube.vtu").string(),
+                           {"min_dihedral=0deg", "max_label_error=1",
+                            "regions={support: {side: right, within: 0.33 mm}}"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const TetMesh result = mesh();
+  EXPECT_NEAR(volume_of(result, result.regions.at("support")), 0.33, 1e-9);
+  EXPECT_EQ(inspect(result).inverted, 0u);
+  EXPECT_EQ(inspect(result).overfull_faces, 0u);
+}
+
+TEST_F(Tetmesh, RegionsThatCannotBeAreRefusedByName) {
+  const auto input = write(testing::ball_surface(radius));
+  const auto refused = [&](const std::string& regions, const std::string& part) {
+    const auto outcome = run(input, {"cell_size=8mm", "regions=" + regions});
+    EXPECT_EQ(outcome.code, 3) << regions;
+    EXPECT_NE(outcome.log.find(part), std::string::npos) << outcome.log;
+    EXPECT_FALSE(std::filesystem::exists(out() / "mesh.vtu"));
+  };
+  refused("{support: {side: upper}}", "regions.support.side");
+  refused("{a<b: {side: left}}", "letters, digits");
+  refused("{support: {}}", "neither side nor box");
+  refused("{support: 3}", "regions.support");
+  refused("{support: {sides: left}}", "regions.support.sides");
+  refused("{support: {side: left, within: 3 s}}", "regions.support.within");
+  refused("{support: {box_lo: [1 mm, 2 mm, 3 mm]}}", "regions.support.box_hi");
+  refused("{support: {box_lo: [1 mm, 2 mm], box_hi: [2 mm, 3 mm]}}", "regions.support.box_lo");
+  refused("{support: {box_lo: [1 mm, 2 mm, 3 mm], box_hi: [0 mm, 9 mm, 9 mm]}}",
+          "regions.support.box_lo");
+  refused("{far: {box_lo: [90 mm, 2 mm, 3 mm], box_hi: [95 mm, 9 mm, 9 mm]}}",
+          "no part of the body is in it");
+  std::string many;
+  for (int i = 0; i < 16; ++i) many += fmt::format("r{}: {{side: left, within: 3 mm}}, ", i);
+  refused(fmt::format("{{{}}}", many), "at most 15");
+}
+
+TEST(Regions, AMeshKeepsThemInItsFile) {
+  TemporaryFolder folder{std::filesystem::temp_directory_path()};
+  TetMesh cube = testing::shaken_cube(2, 0.0, 1);
+  cube.regions["my-support"].assign(cube.tets.size(), 0);
+  cube.regions["my-support"][3] = 1;
+  write_vtu(folder.path() / "mesh.vtu", cube);
+  const TetMesh read = read_vtu(folder.path() / "mesh.vtu");
+  EXPECT_EQ(read.regions, cube.regions);
+  EXPECT_TRUE(read.cell_data.empty());
+}
+
+TEST(Regions, EveryTetIsOnOneSideOfEveryPlaneAndNoVolumeIsLost) {
+  TetMesh cube = testing::shaken_cube(6, 0.3, 11);
+  const std::vector<char> all(cube.tets.size(), 1);
+  const double before = volume_of(cube, all);
+  const double s = std::sqrt(0.5);
+  const std::vector<Plane> planes = {{{0, 0, 1}, 0.41}, {{s, s, 0}, 0.7}, {{1, 0, 0}, 0.123}};
+  cut_along(cube, planes, with_planes({}, planes));
+  EXPECT_NEAR(volume_of(cube, std::vector<char>(cube.tets.size(), 1)), before, 1e-12);
+  for (std::size_t k = 0; k < planes.size(); ++k) {
+    std::vector<char> above;
+    for (const int part : cube.labels) above.push_back((part & above_plane(k)) != 0);
+    EXPECT_LT(farthest_across(cube, above, planes[k]), 1e-9) << k;
+  }
+  EXPECT_EQ(inspect(cube).inverted, 0u);
+  EXPECT_EQ(inspect(cube).components, 1u);
+  EXPECT_EQ(inspect(cube).overfull_faces, 0u);
+}
+
+TEST(Regions, APointIsHeldOnPlanesAndOnTheCurvesWhereTheyMeetASurface) {
+  // A sphere of radius 2 as the only surface.
+  const Projector sphere = [](const Vec& p, const std::vector<int>&) -> std::optional<Contact> {
+    return Contact{scale(2.0 / norm(p), p), {scale(1.0 / norm(p), p)}};
+  };
+  const std::vector<Plane> planes = {{{0, 0, 1}, 1.0}, {{0, 0.6, 0.8}, 1.0}};
+  const Projector project = with_planes(sphere, planes);
+  const int a = above_plane(0), b = above_plane(1);
+  const auto plain = project({0, 0, 3}, {0, 1});
+  ASSERT_TRUE(plain);
+  EXPECT_NEAR(plain->point[2], 2.0, 1e-12);
+  const auto on_plane = project({0.3, 0.4, 1.2}, {1, 1 + a});
+  ASSERT_TRUE(on_plane);
+  EXPECT_LT(norm(sub(on_plane->point, {0.3, 0.4, 1.0})), 1e-12);
+  EXPECT_EQ(on_plane->normals.size(), 1u);
+  const auto on_curve = project({1.5, 1.0, 1.2}, {0, 1, 1 + a});
+  ASSERT_TRUE(on_curve);
+  EXPECT_NEAR(on_curve->point[2], 1.0, 1e-9);
+  EXPECT_NEAR(norm(on_curve->point), 2.0, 1e-6);
+  EXPECT_EQ(on_curve->normals.size(), 2u);
+  const auto on_line = project({0.2, 0.5, 1.1}, {1, 1 + a, 1 + b, 1 + a + b});
+  ASSERT_TRUE(on_line);
+  for (const Plane& plane : planes) EXPECT_NEAR(plane.above(on_line->point), 0.0, 1e-12);
+  const auto corner = project({1.5, 1.0, 1.2}, {0, 1, 1 + a, 1 + b});
+  ASSERT_TRUE(corner);
+  EXPECT_EQ(corner->normals.size(), 3u);
+  for (const Plane& plane : planes) EXPECT_NEAR(plane.above(corner->point), 0.0, 1e-9);
+  EXPECT_NEAR(norm(corner->point), 2.0, 1e-6);
+  EXPECT_FALSE(with_planes({}, planes)({1, 1, 1}, {0, 1, 1 + a}));  // no surface to know
+  const std::vector<Plane> twice = {planes[0], {{0, 0, 1}, 1.5}};
+  EXPECT_FALSE(with_planes({}, twice)({1, 1, 1}, {1, 1 + a, 1 + b}));  // parallel
+}
+
+}  // namespace
+}  // namespace viscera
