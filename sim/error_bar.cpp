@@ -15,6 +15,9 @@ using Displacement = std::vector<Vec3<double>>;  // [n] m
 // Of the sum of all forces: at 1e-8 a liver of 10,000 tets on a plane gives the same four digits.
 constexpr double enough = 1e-5;
 
+// Of a cell: how far inside of its border a support ends, beyond rounding.
+constexpr double noticed = 1e-6;
+
 enum class Element { linear, smoothed, quadratic };
 
 Element element_of(const Scene& scene, int order) {
@@ -118,7 +121,7 @@ std::optional<OtherSupports> other_supports(const Model& model, const Scene& sce
       if constexpr (Effect::kind == EffectKind::motion) {
         for (auto& support : std::get<i>(other.scene.effects)) {
           const BorderGap gap = border_gap(model, support, Effect::name);
-          if (!(gap.mean > 0.0)) continue;
+          if (!(gap.mean > noticed * gap.cell)) continue;
           const double by = narrower ? gap.cell : -gap.cell;
           const BorderGap there = border_gap(model, support, Effect::name, by);
           is_left = is_left && there.tets > 0 && there.mean != gap.mean;
@@ -130,8 +133,8 @@ std::optional<OtherSupports> other_supports(const Model& model, const Scene& sce
     if (other.share == 0.0) return std::nullopt;
     if (is_left) return other;
   }
-  throw Refusal(Refusal::Cause::scene, "a support", "nothing of it is left, or of the body",
-                "supports with a border");
+  throw Diverged(
+      "what the supports' border costs is not known: nothing lies a cell on either side");
 }
 
 }  // namespace

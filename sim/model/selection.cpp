@@ -66,10 +66,7 @@ std::vector<double> beyond_box(const Model& model, const Selection& selection,
   for (const auto& x : model.rest) {
     const double along[3] = {outside(x.x, lo.x, hi.x), outside(x.y, lo.y, hi.y),
                              outside(x.z, lo.z, hi.z)};
-    const double most = *std::ranges::max_element(along);
-    const Vec3<double> away{std::max(0.0, along[0]), std::max(0.0, along[1]),
-                            std::max(0.0, along[2])};
-    beyond.push_back(most > 0.0 ? norm(away) : most);
+    beyond.push_back(*std::ranges::max_element(along));
   }
   return beyond;
 }
@@ -133,13 +130,17 @@ std::vector<double> beyond_near(const Model& model, const Selection& selection,
   std::ranges::stable_sort(slabs, {}, &Slab::lo);
   double widest = 0.0;
   for (const Slab& slab : slabs) widest = std::max(widest, slab.hi - slab.lo);
+  double longest = 0.0;  // edge: who asks for the gap of a border looks a cell beyond it
+  for (const Tet& tet : model.tets) {
+    for (const int v : tet) longest = std::max(longest, norm(model.rest[v] - model.rest[tet[0]]));
+  }
   const auto others = touched_by(model, label, true);
   std::vector<double> beyond(model.vertex_count(), never);
   double nearest_miss = never;  // of all vertices: no farther one is of interest
   for (std::size_t v = 0; v < model.vertex_count(); ++v) {
     if (!others[v]) continue;
     const Vec3<double>& p = model.rest[v];
-    const double limit = selection.within + nearest_miss;
+    const double limit = selection.within + std::max(nearest_miss, 2.0 * longest);
     double best = never;
     const auto first =
         std::ranges::lower_bound(slabs, p.x - limit - widest, std::ranges::less{}, &Slab::lo);

@@ -169,7 +169,25 @@ void read_labels(const std::filesystem::path& path, vtkUnstructuredGrid& grid, b
   }
 }
 
-void read_cell_data(vtkUnstructuredGrid& grid, TetMesh& mesh) {
+std::vector<char> region_from(const std::filesystem::path& path, vtkDataArray& array,
+                              std::size_t tets) {
+  const std::string field = std::string("CellData/") + array.GetName();
+  if (static_cast<std::size_t>(array.GetNumberOfTuples()) != tets) {
+    throw bad_mesh(path, field, fmt::format("{} numbers", array.GetNumberOfTuples()),
+                   fmt::format("one for each of {} tets", tets));
+  }
+  std::vector<char> inside;
+  for (std::size_t t = 0; t < tets; ++t) {
+    const double value = array.GetComponent(static_cast<vtkIdType>(t), 0);
+    if (value != 0.0 && value != 1.0) {
+      throw bad_mesh(path, field, fmt::format("cell {} has {}", t, value), "1 inside, 0 outside");
+    }
+    inside.push_back(value == 1.0);
+  }
+  return inside;
+}
+
+void read_cell_data(const std::filesystem::path& path, vtkUnstructuredGrid& grid, TetMesh& mesh) {
   auto* data = grid.GetCellData();
   for (int a = 0; a < data->GetNumberOfArrays(); ++a) {
     auto* array = data->GetArray(a);
@@ -177,9 +195,7 @@ void read_cell_data(vtkUnstructuredGrid& grid, TetMesh& mesh) {
     const std::string name = array->GetName();
     if (name == "label" || array->GetNumberOfComponents() != 1) continue;
     if (name.starts_with(region_prefix)) {
-      auto& inside = mesh.regions[name.substr(region_prefix.size())];
-      for (vtkIdType t = 0; t < array->GetNumberOfTuples(); ++t)
-        inside.push_back(array->GetComponent(t, 0) > 0.5);
+      mesh.regions[name.substr(region_prefix.size())] = region_from(path, *array, mesh.tets.size());
       continue;
     }
     auto& values = mesh.cell_data[name];
@@ -222,7 +238,7 @@ TetMesh read_vtu(const std::filesystem::path& path) {
   const auto grid = read_grid(path);
   TetMesh mesh = read_as_it_stands(path, *grid, false).mesh;
   orient(path, mesh);
-  read_cell_data(*grid, mesh);
+  read_cell_data(path, *grid, mesh);
   return mesh;
 }
 

@@ -42,8 +42,9 @@ constexpr double m3_to_ml = 1e6;
 constexpr double full_damping = 0.95, min_damping = 0.5;
 // Of the bound on the solver's error at rest, which is large on Delaunay meshes.
 constexpr double worth_a_warning = 0.1;
-// mm, a fifth of a fine scan's voxel: what borders miss beyond is said.
-constexpr double border_worth_a_word = 0.1;
+// Of a cell: how far inside of its border what an effect selects may end without a word. The
+// default layer of 1 mm at a flat side, in cells of 5 mm and more, is that side.
+constexpr double border_worth_a_word = 0.2;
 
 // metrics.csv: one row a frame, every column with its unit; no times of the machine, so that equal
 // runs give equal files.
@@ -177,10 +178,9 @@ void report_borders(StageRun& run, const sim::Model& model, const sim::Scene& sc
     if constexpr (std::derived_from<typename Effect::Params, sim::Selection>) {
       for (const auto& params : std::get<i>(scene.effects)) {
         const sim::BorderGap gap = sim::border_gap(model, params, Effect::name);
-        if (!(m_to_mm * gap.mean > border_worth_a_word)) continue;
+        if (!(gap.mean > border_worth_a_word * gap.cell)) continue;
         const std::string text = fmt::format(
-            "The border of effects.{} crosses tets, and what it selects ends {:.2g} mm inside of "
-            "it "
+            "The border of effects.{} crosses tets, and what it selects ends {:.2g} mm inside "
             "(at most {:.2g} mm): it moves with the mesh",
             Effect::name, m_to_mm * gap.mean, m_to_mm * gap.largest);
         log::warn(

@@ -35,7 +35,7 @@ RegionRequest read_region(const std::string& name, const Json& given) {
                                        .allowed = "{side: superior, within: 30 mm}, or a box"});
   }
   const Json values = resolve({{.name = "side", .fallback = ""},
-                               quantity("within", "1 mm", "mm", 0.0, 1e6, ""),
+                               quantity("within", nullptr, "mm", 1e-3, 1e6, ""),
                                {.name = "box_lo", .type = ParamType::list, .fallback = nullptr},
                                {.name = "box_hi", .type = ParamType::list, .fallback = nullptr}},
                               given, "parameters", prefix);
@@ -54,10 +54,16 @@ RegionRequest read_region(const std::string& name, const Json& given) {
       place[a] = resolve_required(coordinate, list[a], "parameters", prefix + key).get<double>();
     return place;
   };
-  RegionRequest region{.name = name,
-                       .side = values.at("side").get<std::string>(),
-                       .within = values.at("within").get<double>(),
-                       .box = std::nullopt};
+  RegionRequest region{
+      .name = name, .side = values.at("side").get<std::string>(), .box = std::nullopt};
+  if (values.at("within").is_null() != region.side.empty()) {
+    throw Error(ExitCode::bad_config,
+                {.where = "parameters",
+                 .field = prefix + (region.side.empty() ? "side" : "within"),
+                 .found = "nothing",
+                 .allowed = "both side and within, or neither: {side: superior, within: 30 mm}"});
+  }
+  if (!region.side.empty()) region.within = values.at("within").get<double>();
   if (!values.at("box_lo").is_null() || !values.at("box_hi").is_null())
     region.box = Box{corner("box_lo"), corner("box_hi")};
   return region;

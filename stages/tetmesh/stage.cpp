@@ -297,8 +297,8 @@ Made make_mesh(StageRun& run) {
   return made;
 }
 
-// A mesh made elsewhere. No surface holds its boundary, so that the improver leaves it alone; of
-// what a region's border cuts, pieces on the boundary stay as they are.
+// A mesh made elsewhere. No surface holds its boundary, so that the improver leaves it alone, and
+// with it the borders of regions.
 Made take_mesh(StageRun& run) {
   Imported imported = import_mesh(run.input("mesh"));
   Made made{.mesh = std::move(imported.mesh), .how = {{"route", "import"}}};
@@ -324,10 +324,9 @@ Made take_mesh(StageRun& run) {
   for (const RegionRequest& asked : regions)
     wanted.push_back(make_region(asked, box_of(made.mesh.points)));
   const auto planes = planes_of(wanted);
-  const Projector project = with_planes({}, planes);
-  cut_along(made.mesh, planes, project);
+  cut_along(made.mesh, planes, with_planes({}, planes));
   if (improver == "own" || (improver == "auto" && !planes.empty()))
-    made.how["improved"] = improved_json(improve(made.mesh, project));
+    made.how["improved"] = improved_json(improve(made.mesh, {}));
   name_regions(made.mesh, wanted);
   return made;
 }
@@ -375,7 +374,10 @@ Stage tetmesh_stage() {
       .gates = mesh_gates::all(),
       .libraries = {{"CGAL", CGAL_VERSION_STR}, {"gmsh", gmsh_version()}}};
   stage.run = run_tetmesh;
-  stage.check = [](const StageRun& run) { chosen_formats(run.params().at("formats")); };
+  stage.check = [](const StageRun& run) {
+    chosen_formats(run.params().at("formats"));
+    read_regions(run.params().at("regions"));
+  };
   return stage;
 }
 

@@ -167,10 +167,13 @@ TEST_F(Cuda, EveryWidthOfABlockAgreesWithTheHost) {
   smoothed.params<SmoothedNeoHookean>().emplace_back();
   for (const auto& [cells, tets_per_block] : {std::pair{2, 20}, {6, 700}, {9, 2600}, {9, 5000}}) {
     const Model model = make_cube(cells);
-    // Domains have more replicas of a vertex: in fp64 those of 2600 tets are no block any more.
     for (const Scene* one : {&scene, &smoothed}) {
-      if (one == &smoothed && tets_per_block > 700) continue;
-      EXPECT_LE(blocks_disagreement(model, *one, tets_per_block, 1), 1e-12) << tets_per_block;
+      // Domains have more replicas of a vertex: in fp64 those of 2600 tets are no block any more,
+      // in fp32 those of 4374.
+      if (one == &smoothed && tets_per_block > 2600) continue;
+      if (one == &scene || tets_per_block <= 700) {
+        EXPECT_LE(blocks_disagreement(model, *one, tets_per_block, 1), 1e-12) << tets_per_block;
+      }
       EXPECT_LE(blocks_disagreement<float>(model, *one, tets_per_block, 1), 1e-6) << tets_per_block;
     }
   }

@@ -1,11 +1,12 @@
 // Regions have their borders among the faces of the mesh, and are the same whatever the cell size.
-#include "stages/tetmesh/generate/regions.hpp"
+#include "stages/tetmesh/mesher/regions.hpp"
 
 #include <fmt/format.h>
 
 #include <cmath>
 #include <numbers>
 
+#include "pipeline/base/error.hpp"
 #include "stages/mesh/tet_topology.hpp"
 #include "tests/geometry/tetmesh_run.hpp"
 
@@ -63,6 +64,7 @@ TEST_F(Tetmesh, ARegionEndsAtItsPlaneWhateverTheCellSize) {
     const auto quality = testing::read_json(out() / "quality.json");
     EXPECT_NEAR(quality["regions"]["support"]["ml"].get<double>(),
                 volume_of(result, inside) / 1000.0, 1e-9);
+    ASSERT_EQ(quality["volume"]["labels"].size(), 2u);
     for (const auto& label : quality["volume"]["labels"])
       EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.01) << size << label;
   }
@@ -117,6 +119,40 @@ TEST_F(Tetmesh, AMeshMadeElsewhereIsCutToo) {
   EXPECT_EQ(inspect(result).overfull_faces, 0u);
 }
 
+// The boundary and the interface of a mesh made elsewhere are known to nobody else.
+TEST_F(Tetmesh, ARegionLeavesTheSurfacesOfAMeshMadeElsewhereAlone) {
+  const TetMesh ball = testing::ball_around_a_point(false, 0.1);
+  write_vtu(folder_.path() / "ball.vtu", ball);
+  const auto outcome = run("mesh=" + (folder_.path() / "ball.vtu").string(),
+                           {"min_dihedral=0deg", "max_label_error=1",
+                            "regions={support: {side: left, within: 0.6 mm}}"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const TetMesh result = mesh();
+  for (const int label : {1, 2}) {
+    const auto volume_with = [label](const TetMesh& one) {
+      std::vector<char> own;
+      for (const int l : one.labels) own.push_back(l == label);
+      return volume_of(one, own);
+    };
+    EXPECT_GT(volume_with(ball), 0.1);
+    EXPECT_NEAR(volume_with(result), volume_with(ball), 1e-9) << label;
+  }
+}
+
+// At a layer of vertices that single precision has put beside it.
+TEST_F(Tetmesh, APlaneThatVerticesAlmostLieOnCutsNoSlivers) {
+  TetMesh cube = testing::shaken_cube(4, 0.0, 1);
+  for (auto& point : cube.points)
+    for (double& x : point) x = static_cast<float>(100.0 * x + 900.3);
+  std::fill(cube.labels.begin(), cube.labels.end(), 1);
+  cube.label_names = {{1, "cube"}};
+  write_vtu(folder_.path() / "cube.vtu", cube);
+  const auto outcome = run("mesh=" + (folder_.path() / "cube.vtu").string(),
+                           {"regions={support: {side: right, within: 25.00001 mm}}"});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  EXPECT_NEAR(volume_of(mesh(), mesh().regions.at("support")), 0.25e6, 10.0);
+}
+
 TEST_F(Tetmesh, RegionsThatCannotBeAreRefusedByName) {
   const auto input = write(testing::ball_surface(radius));
   const auto refused = [&](const std::string& regions, const std::string& part) {
@@ -125,12 +161,15 @@ TEST_F(Tetmesh, RegionsThatCannotBeAreRefusedByName) {
     EXPECT_NE(outcome.log.find(part), std::string::npos) << outcome.log;
     EXPECT_FALSE(std::filesystem::exists(out() / "mesh.vtu"));
   };
-  refused("{support: {side: upper}}", "regions.support.side");
-  refused("{a<b: {side: left}}", "letters, digits");
+  refused("{support: {side: upper, within: 3 mm}}", "regions.support.side");
+  refused("{a<b: {side: left, within: 3 mm}}", "letters, digits");
   refused("{support: {}}", "neither side nor box");
   refused("{support: 3}", "regions.support");
   refused("{support: {sides: left}}", "regions.support.sides");
   refused("{support: {side: left, within: 3 s}}", "regions.support.within");
+  refused("{support: {side: left}}", "regions.support.within");
+  refused("{support: {within: 3 mm}}", "regions.support.side");
+  refused("{support: {side: left, within: 0 mm}}", "regions.support.within");
   refused("{support: {box_lo: [1 mm, 2 mm, 3 mm]}}", "regions.support.box_hi");
   refused("{support: {box_lo: [1 mm, 2 mm], box_hi: [2 mm, 3 mm]}}", "regions.support.box_lo");
   refused("{support: {box_lo: [1 mm, 2 mm, 3 mm], box_hi: [0 mm, 9 mm, 9 mm]}}",
@@ -151,6 +190,19 @@ TEST(Regions, AMeshKeepsThemInItsFile) {
   const TetMesh read = read_vtu(folder.path() / "mesh.vtu");
   EXPECT_EQ(read.regions, cube.regions);
   EXPECT_TRUE(read.cell_data.empty());
+}
+
+TEST(Regions, AnArrayThatIsNoneIsRefused) {
+  TemporaryFolder folder{std::filesystem::temp_directory_path()};
+  TetMesh cube = testing::shaken_cube(1, 0.0, 1);
+  cube.cell_data["region odd"].assign(cube.tets.size(), 0.5f);
+  write_vtu(folder.path() / "mesh.vtu", cube);
+  try {
+    read_vtu(folder.path() / "mesh.vtu");
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("CellData/region odd"), std::string::npos);
+  }
 }
 
 TEST(Regions, EveryTetIsOnOneSideOfEveryPlaneAndNoVolumeIsLost) {

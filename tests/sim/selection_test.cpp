@@ -170,6 +170,20 @@ TEST(Selection, ABorderThatCrossesTetsHasAGapAndOneBetweenThemHasNone) {
   EXPECT_EQ(border_gap(model, {.side = "right", .within = 1.0}, "fixed").tets, 0u);
 }
 
+TEST(Selection, TheGapBesideALabelIsTheSameOnBothOfItsSides) {
+  // The half at +x is a tumour; of its mirror image the half at -x.
+  Model model = two_labels(), mirrored = two_labels();
+  for (int& material : mirrored.material_of) material = 1 - material;
+  const auto gap = [](const Model& of, const char* near) {
+    return border_gap(of, {.near = near, .within = 0.004}, "fixed");
+  };
+  const BorderGap right = gap(model, "tumour"), left = gap(mirrored, "tumour");
+  EXPECT_GT(right.tets, 0u);
+  EXPECT_NEAR(right.mean, 0.004, 1e-12);
+  EXPECT_EQ(left.tets, right.tets);
+  EXPECT_NEAR(left.mean, right.mean, 1e-12);
+}
+
 TEST(Selection, WhatSelectsNothingIsRefusedWithTheFieldAndTheNearestCandidate) {
   EXPECT_EQ(refusal_of({}).field, "effects.spring.side");
   EXPECT_EQ(refusal_of({.side = "up"}).field, "effects.spring.side");

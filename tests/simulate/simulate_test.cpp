@@ -129,11 +129,11 @@ TEST_F(Simulate, ARegionOfTheMeshIsHeldAndABorderBetweenVerticesIsSaid) {
   EXPECT_TRUE(manifest().caveats.empty());
   const Json scene = Json::parse(read_file(path("out") / "scene.json"));
   EXPECT_EQ(scene["effects"]["fixed"]["region"], "top");
-  // The same vertices, of a support that ends 4 mm farther down, between two layers of them.
-  ASSERT_EQ(run(held("{side: superior, within: 20.6667 mm}"), {"--set", "certify=true"}), 0)
+  // The same vertices, of a support that ends 6 mm farther down, between two layers of them.
+  ASSERT_EQ(run(held("{side: superior, within: 22.6667 mm}"), {"--set", "certify=true"}), 0)
       << errors;
   EXPECT_EQ(metric("state_hash_end"), by_region);
-  EXPECT_NEAR(metric("support_border").get<double>(), 4.0, 0.01);
+  EXPECT_NEAR(metric("support_border").get<double>(), 6.0, 0.01);
   EXPECT_GT(metric("error_support").get<double>(), 0.01);
   ASSERT_EQ(manifest().caveats.size(), 1u);
   EXPECT_NE(manifest().caveats[0].find("effects.fixed"), std::string::npos);

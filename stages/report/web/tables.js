@@ -62,9 +62,9 @@ viscera.errorBar = function (report) {
   const centroids = Object.entries(metric("error_centroids") || {});
   return `At rest the body is off by ${mm(total)} (root mean square) or less, ${share} of its displacement: ` +
     `solver ${mm(metric("error_solver"))}, elements ${mm(metric("error_element"))}, ` +
-    `mesh ${mm(metric("error_mesh"))}, supports ${mm(metric("error_support"))}; centroids: ` +
+    `mesh ${mm(metric("error_mesh"))}, supports ${mm(metric("error_support") ?? 0)}; centroids: ` +
     centroids.map(([label, off]) => `${label} ${mm(off)}`).join(", ") +
-    ". Not in it: the surface's distance from the scan, materials and loads.";
+    ". Not in it: the surface's distance from the scan, the borders of springs and loads, and whether materials and loads are right.";
 };
 
 viscera.verdict = function (report) {

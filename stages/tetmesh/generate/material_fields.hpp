@@ -37,7 +37,7 @@ class MaterialFields {
   double lead(const std::array<double, 3>& p, int a, int b, std::array<double, 3>& gradient) const;
 
   // The least and greatest coordinates of the body, LPS mm, where its surface crosses the edges of
-  // the grid. As good as does not depend on what was aimed at.
+  // the grid; at other levels (aim) by a fraction of a voxel elsewhere.
   std::pair<Vec, Vec> extent() const;
 
   // The id that wins at `p` whether or not the body reaches there; 0 outside the grid.

@@ -94,13 +94,15 @@ void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double w
   Trial trial;
   for (const int point : moving) {
     const auto labels = mesh.labels_at(point);
-    if (labels.size() > 2 && (label != 0 || materials_of(labels).size() < labels.size())) continue;
+    const auto materials = materials_of(labels);
+    if (materials.size() < labels.size() || (label != 0 && labels.size() > 2)) continue;
     const auto contact = mesh.project()(p[point], labels);
     if (!contact || !mesh.movable(point)) continue;
+    if (contact->normals.size() >= materials.size()) continue;  // it lies on a plane too
     // Normals point to the lower one of two labels.
     const double most = max_offset * mesh.size(point);
-    const double way = std::clamp(
-        label == 0 || label == material_of(labels.back()) ? outward : -outward, -most, most);
+    const double way =
+        std::clamp(label == 0 || label == materials.back() ? outward : -outward, -most, most);
     const Vec place = add(p[point], scale(way, contact->normals[0]));
     trial.objector = 0;
     if (mesh.try_at(point, place, std::min(mesh.worst(mesh.star(point)), floor), trial))

@@ -151,6 +151,12 @@ void MeshJob::take_sizes(const MeshRequest& request) {
 }
 
 void MeshJob::take_regions(const MeshRequest& request) {
+  if (!request.regions.empty() && options_.perturb_and_exude) {
+    throw Error(ExitCode::bad_config, {.where = "parameters",
+                                       .field = "improve",
+                                       .found = "cgal, for tets that regions cut",
+                                       .allowed = "own or none with regions"});
+  }
   for (const RegionRequest& asked : request.regions)
     regions_.push_back(make_region(asked, extent_));
   planes_ = planes_of(regions_);
@@ -254,6 +260,7 @@ MeshJob::Result MeshJob::build(double cell_size, const Mesh3Options& mesh3,
   mesh.label_names = names_;
   result.mended = mend_boundary(mesh, bodies_);
   if (hxt_ && !mesh.tets.empty()) mesh = fill_with_hxt(mesh);
+  if (mesh.tets.empty()) return result;
   const Projector project =
       with_planes(by_fields_ ? field_projector(*fields_) : surface_projector_, planes_);
   cut_along(mesh, planes_, project);

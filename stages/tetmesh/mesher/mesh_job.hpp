@@ -9,9 +9,9 @@
 #include "stages/image/label_image.hpp"
 #include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/generate/mesh.hpp"
-#include "stages/tetmesh/generate/regions.hpp"
 #include "stages/tetmesh/generate/size_field.hpp"
 #include "stages/tetmesh/improve/improve.hpp"
+#include "stages/tetmesh/mesher/regions.hpp"
 #include "stages/tetmesh/quality/label_loss.hpp"
 
 namespace viscera {

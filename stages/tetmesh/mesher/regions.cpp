@@ -1,4 +1,4 @@
-#include "stages/tetmesh/generate/regions.hpp"
+#include "stages/tetmesh/mesher/regions.hpp"
 
 #include <fmt/format.h>
 
@@ -17,6 +17,8 @@ namespace {
 constexpr double near_end = 0.3;
 constexpr double on_plane = 1e-9;  // mm
 constexpr double farthest = 2.0;   // that it may go, over its distance from the plane
+// Of its shortest edge: where a vertex that may not move is taken to lie on the plane.
+constexpr double as_good_as_on = 1e-3;
 // Moving a vertex may not bring tets below this quality, unless they are worse before.
 constexpr double least_quality = 0.15;
 
@@ -42,12 +44,12 @@ class Cutter {
       find_boundary();
       measure(k);
       for (const auto& [length, point] : near_points()) put_onto(k, point);
-      for (const auto& [length, edge] : crossing_edges()) halve(edge);
+      for (const auto& [length, edge] : crossing_edges()) cut(edge);
       for (std::size_t t = 0; t < mesh_.tets.size(); ++t)
         if (is_above(mesh_.tets[t])) mesh_.labels[t] += above_plane(k);
     }
     find_boundary();
-    for (std::size_t p = fresh_; p < mesh_.points.size(); ++p) put_back(static_cast<int>(p));
+    for (std::size_t p = old_points_; p < mesh_.points.size(); ++p) put_back(static_cast<int>(p));
   }
 
  private:
@@ -113,6 +115,15 @@ class Cutter {
     return parts;
   }
 
+  double shortest_edge(int point) const {
+    double shortest = std::numeric_limits<double>::max();
+    for (const int t : tets_at_[point])
+      for (const int corner : mesh_.tets[t])
+        if (corner != point)
+          shortest = std::min(shortest, norm(sub(mesh_.points[corner], mesh_.points[point])));
+    return shortest;
+  }
+
   // The least quality around a point at a place; sizes do not count.
   double worst_at(int point, const Vec& place) const {
     constexpr double any_size = 1e-9;
@@ -141,7 +152,11 @@ class Cutter {
       if (parts[i] != 0) parts.push_back(parts[i] + above_plane(plane));
     const Vec& from = mesh_.points[point];
     const auto contact = project_(from, parts);
-    if (!contact || norm(sub(contact->point, from)) > farthest * std::abs(above_[point])) return;
+    if (!contact) {  // nothing knows the surface that it lies on
+      if (std::abs(above_[point]) < as_good_as_on * shortest_edge(point)) above_[point] = 0.0;
+      return;
+    }
+    if (norm(sub(contact->point, from)) > farthest * std::abs(above_[point])) return;
     if (move(point, contact->point)) above_[point] = 0.0;
   }
 
@@ -152,23 +167,23 @@ class Cutter {
     if (const auto contact = project_(mesh_.points[point], parts)) move(point, contact->point);
   }
 
-  void halve(const Edge& edge) {
+  void cut(const Edge& edge) {
     const double part = above_[edge[0]] / (above_[edge[0]] - above_[edge[1]]);
     const Vec way = sub(mesh_.points[edge[1]], mesh_.points[edge[0]]);
-    const int middle = static_cast<int>(mesh_.points.size());
+    const int fresh = static_cast<int>(mesh_.points.size());
     mesh_.points.push_back(add(mesh_.points[edge[0]], scale(part, way)));
     above_.push_back(0.0);
     tets_at_.emplace_back();
     for (const int t : std::vector<int>(tets_at_[edge[0]])) {
       if (std::ranges::count(mesh_.tets[t], edge[1]) == 0) continue;
-      const int twin = static_cast<int>(mesh_.tets.size());
+      const int beyond = static_cast<int>(mesh_.tets.size());
       mesh_.tets.push_back(mesh_.tets[t]);
       mesh_.labels.push_back(mesh_.labels[t]);
-      std::ranges::replace(mesh_.tets[t], edge[1], middle);
-      std::ranges::replace(mesh_.tets[twin], edge[0], middle);
+      std::ranges::replace(mesh_.tets[t], edge[1], fresh);
+      std::ranges::replace(mesh_.tets[beyond], edge[0], fresh);
       std::erase(tets_at_[edge[1]], t);
-      for (const int corner : mesh_.tets[twin]) tets_at_[corner].push_back(twin);
-      tets_at_[middle].push_back(t);
+      for (const int corner : mesh_.tets[beyond]) tets_at_[corner].push_back(beyond);
+      tets_at_[fresh].push_back(t);
     }
   }
 
@@ -178,7 +193,7 @@ class Cutter {
   std::vector<std::vector<int>> tets_at_;  // of every point
   std::vector<char> boundary_;             // of every point
   std::vector<double> above_;              // of every point, the plane at hand, mm
-  const std::size_t fresh_ = mesh_.points.size();
+  const std::size_t old_points_ = mesh_.points.size();
 };
 
 }  // namespace

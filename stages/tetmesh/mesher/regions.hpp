@@ -20,7 +20,7 @@ Box box_of(const std::vector<Vec>& points);
 struct RegionRequest {
   std::string name;
   std::string side;     // left, right, anterior, posterior, superior or inferior; empty: any
-  double within = 1.0;  // mm, of the side
+  double within = 0.0;  // mm, of the side
   std::optional<Box> box;
 };
 
