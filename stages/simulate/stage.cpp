@@ -178,17 +178,19 @@ void report_borders(StageRun& run, const sim::Model& model, const sim::Scene& sc
     if constexpr (std::derived_from<typename Effect::Params, sim::Selection>) {
       for (const auto& params : std::get<i>(scene.effects)) {
         const sim::BorderGap gap = sim::border_gap(model, params, Effect::name);
+        const bool holds = Effect::kind == sim::EffectKind::motion;
+        if (holds && gap.mean > largest.mean) largest = gap;
         if (!(gap.mean > border_worth_a_word * gap.cell)) continue;
         const std::string text = fmt::format(
             "The border of effects.{} crosses tets, and what it selects ends {:.2g} mm inside "
             "(at most {:.2g} mm): it moves with the mesh",
             Effect::name, m_to_mm * gap.mean, m_to_mm * gap.largest);
-        log::warn(
-            "{}\n  remedy:  tetmesh.regions puts it into the mesh, effects.{}.region takes it",
-            text, Effect::name);
-        if (Effect::kind != sim::EffectKind::motion) continue;
-        run.caveat(text + "; a region of the mesh (tetmesh.regions) would not.");
-        if (gap.mean > largest.mean) largest = gap;
+        const char* const remedy = "tetmesh.regions puts it into the mesh";
+        if (!holds) {
+          log::warn("{}\n  remedy:  {}, effects.{}.region takes it", text, remedy, Effect::name);
+          continue;
+        }
+        run.caveat(fmt::format("{}; {}.", text, remedy));
       }
     }
   });
