@@ -185,9 +185,12 @@ void report_borders(StageRun& run, const sim::Model& model, const sim::Scene& sc
             "The border of effects.{} crosses tets, and what it selects ends {:.2g} mm inside "
             "(at most {:.2g} mm): it moves with the mesh",
             Effect::name, m_to_mm * gap.mean, m_to_mm * gap.largest);
-        const char* const remedy = "tetmesh.regions puts it into the mesh";
+        const std::string remedy =
+            params.near.empty() ? "tetmesh.regions puts a side or a box into the mesh, and region "
+                                  "takes it from there"
+                                : "smaller cells bring it nearer";
         if (!holds) {
-          log::warn("{}\n  remedy:  {}, effects.{}.region takes it", text, remedy, Effect::name);
+          log::warn("{}\n  remedy:  {}", text, remedy);
           continue;
         }
         run.caveat(fmt::format("{}; {}.", text, remedy));
