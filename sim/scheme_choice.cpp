@@ -6,9 +6,9 @@
 namespace viscera::sim {
 namespace {
 
-// Tets of the largest bodies that were run in blocks; a block that is too large for a device's
-// shared memory is refused, and that depends on the device. Smoothed elements are more in a block
-// than tets, and a vertex that many of them share has more replicas.
+// About the tets of the largest bodies that were run in blocks; a block that is too large for a
+// device's shared memory is refused, and that depends on the device. Smoothed elements are more in
+// a block than tets, and a vertex that many of them share has more replicas.
 constexpr std::size_t max_in_blocks = 1'000'000, max_smoothed_in_blocks = 250'000;
 
 // Why blocks on a device would not do what the scene asks for; "": they would.
