@@ -319,15 +319,13 @@ Made take_mesh(StageRun& run) {
                                        .allowed = "auto, own or none"});
   }
   made.wanted.time = time_goal(run, made.mesh.label_names);
-  const auto regions = read_regions(run.params().at("regions"));
-  std::vector<Region> wanted;
-  for (const RegionRequest& asked : regions)
-    wanted.push_back(make_region(asked, box_of(made.mesh.points)));
-  const auto planes = planes_of(wanted);
+  const auto regions =
+      make_regions(read_regions(run.params().at("regions")), box_of(made.mesh.points));
+  const auto planes = planes_of(regions);
   cut_along(made.mesh, planes, with_planes({}, planes));
   if (improver == "own" || (improver == "auto" && !planes.empty()))
     made.how["improved"] = improved_json(improve(made.mesh, {}));
-  name_regions(made.mesh, wanted);
+  name_regions(made.mesh, regions);
   return made;
 }
 

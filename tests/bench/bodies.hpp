@@ -22,11 +22,16 @@ inline sim::Material tissue(double nu, double youngs_modulus) {
   return {.youngs_modulus = youngs_modulus, .poisson_ratio = nu, .density = 1060.0};
 }
 
-inline Body liver(const char* file, double nu) {
+inline sim::Model liver_tissue(const char* file, double nu) {
   const TetMesh mesh = read_vtu(file);
   std::map<int, sim::Material> materials;
   for (const auto& [label, name] : mesh.label_names) materials[label] = tissue(nu, 5e3);
-  Body body{fmt::format("{} tets", mesh.tets.size()), make_body(mesh, materials), {}};
+  return make_body(mesh, materials);
+}
+
+inline Body liver(const char* file, double nu) {
+  sim::Model model = liver_tissue(file, nu);
+  Body body{fmt::format("{} tets", model.tet_count()), std::move(model), {}};
   double top = -HUGE_VAL;
   for (const auto& x : body.model.rest) top = std::max(top, x.z);
   for (std::size_t i = 0; i < body.model.vertex_count(); ++i) {

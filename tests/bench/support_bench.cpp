@@ -18,13 +18,6 @@ using Displacement = std::vector<Vec3<double>>;
 
 constexpr const char* support = "support";
 
-Model body_of(const char* file, double nu) {
-  const TetMesh mesh = read_vtu(file);
-  std::map<int, sim::Material> materials;
-  for (const auto& [label, name] : mesh.label_names) materials[label] = tissue(nu, 5e3);
-  return make_body(mesh, materials);
-}
-
 // Of the region, m in patient coordinates.
 double lowest(const Model& model) {
   double z = HUGE_VAL;
@@ -80,7 +73,7 @@ int main(int argc, char** argv) {
     return std::fputs("usage: bench_support CSV NU REFERENCE.vtu MESH.vtu…\n", stderr), 2;
   }
   const double nu = std::stod(argv[2]);
-  Model reference = body_of(argv[3], nu);
+  Model reference = liver_tissue(argv[3], nu);
   const double border = lowest(reference);
   hold_above(reference, border);
   const Displacement truth = equilibrium(reference, scene_of(false, 1), 2).u;
@@ -88,7 +81,7 @@ int main(int argc, char** argv) {
   for (const auto& name : reference.label_names) csv += "," + name + "_mm";
   csv += "\n";
   for (int i = 4; i < argc; ++i) {
-    Model model = body_of(argv[i], nu);
+    Model model = liver_tissue(argv[i], nu);
     const bool has_region = model.regions.contains(support);
     hold_above(model, has_region ? lowest(model) : border);
     const Displacement wanted = at_vertices(model, reference, truth), none(wanted.size());

@@ -106,28 +106,32 @@ TEST_F(Tetmesh, ABoxWithinTheBodyIsARegionOfItsVolume) {
   EXPECT_NEAR(volume_of(result, result.regions.at("core")), 16.0 * 14.0 * 12.0, 1e-4);
 }
 
-TEST_F(Tetmesh, AMeshMadeElsewhereIsCutToo) {
-  TetMesh cube = testing::shaken_cube(5, 0.2, 7);
-  write_vtu(folder_.path() / "cube.vtu", cube);
-  const auto outcome = run("mesh=" + (folder_.path() / "cube.vtu").string(),
-                           {"min_dihedral=0deg", "max_label_error=1",
-                            "regions={support: {side: right, within: 0.33 mm}}"});
-  ASSERT_EQ(outcome.code, 0) << outcome.log;
-  const TetMesh result = mesh();
+// By a region `support`, as a mesh made elsewhere.
+class ImportedMesh : public Tetmesh {
+ protected:
+  TetMesh cut(const TetMesh& given, const std::string& support,
+              std::vector<std::string> settings = {}) {
+    write_vtu(folder_.path() / "given.vtu", given);
+    settings.push_back("regions={support: " + support + "}");
+    const auto outcome = run("mesh=" + (folder_.path() / "given.vtu").string(), settings);
+    EXPECT_EQ(outcome.code, 0) << outcome.log;
+    return mesh();
+  }
+};
+
+TEST_F(ImportedMesh, IsCutToo) {
+  const TetMesh result = cut(testing::shaken_cube(5, 0.2, 7), "{side: right, within: 0.33 mm}",
+                             {"min_dihedral=0deg", "max_label_error=1"});
   EXPECT_NEAR(volume_of(result, result.regions.at("support")), 0.33, 1e-9);
   EXPECT_EQ(inspect(result).inverted, 0u);
   EXPECT_EQ(inspect(result).overfull_faces, 0u);
 }
 
 // The boundary and the interface of a mesh made elsewhere are known to nobody else.
-TEST_F(Tetmesh, ARegionLeavesTheSurfacesOfAMeshMadeElsewhereAlone) {
+TEST_F(ImportedMesh, KeepsItsSurfacesWhereARegionCutsIt) {
   const TetMesh ball = testing::ball_around_a_point(false, 0.1);
-  write_vtu(folder_.path() / "ball.vtu", ball);
-  const auto outcome = run("mesh=" + (folder_.path() / "ball.vtu").string(),
-                           {"min_dihedral=0deg", "max_label_error=1",
-                            "regions={support: {side: left, within: 0.6 mm}}"});
-  ASSERT_EQ(outcome.code, 0) << outcome.log;
-  const TetMesh result = mesh();
+  const TetMesh result =
+      cut(ball, "{side: left, within: 0.6 mm}", {"min_dihedral=0deg", "max_label_error=1"});
   for (const int label : {1, 2}) {
     const auto volume_with = [label](const TetMesh& one) {
       std::vector<char> own;
@@ -140,17 +144,14 @@ TEST_F(Tetmesh, ARegionLeavesTheSurfacesOfAMeshMadeElsewhereAlone) {
 }
 
 // At a layer of vertices that single precision has put beside it.
-TEST_F(Tetmesh, APlaneThatVerticesAlmostLieOnCutsNoSlivers) {
+TEST_F(ImportedMesh, HasNoSliversWhereVerticesAlmostLieOnThePlane) {
   TetMesh cube = testing::shaken_cube(4, 0.0, 1);
   for (auto& point : cube.points)
     for (double& x : point) x = static_cast<float>(100.0 * x + 900.3);
   std::fill(cube.labels.begin(), cube.labels.end(), 1);
   cube.label_names = {{1, "cube"}};
-  write_vtu(folder_.path() / "cube.vtu", cube);
-  const auto outcome = run("mesh=" + (folder_.path() / "cube.vtu").string(),
-                           {"regions={support: {side: right, within: 25.00001 mm}}"});
-  ASSERT_EQ(outcome.code, 0) << outcome.log;
-  EXPECT_NEAR(volume_of(mesh(), mesh().regions.at("support")), 0.25e6, 10.0);
+  const TetMesh result = cut(cube, "{side: right, within: 25.00001 mm}");
+  EXPECT_NEAR(volume_of(result, result.regions.at("support")), 0.25e6, 10.0);
 }
 
 TEST_F(Tetmesh, RegionsThatCannotBeAreRefusedByName) {

@@ -10,55 +10,54 @@
 namespace viscera::sim {
 namespace {
 
-// What nodes that are not free are about to do pulls at those that are, along every axis.
-TEST(FemSystem, MovesOfHeldNodesPullAtFreeOnesByTheirBlock) {
-  FemSystem system({0, 1, 0}, FemOptions::Linear::cholesky);
-  const std::array nodes{0, 1, 2};
-  system.connect(nodes);
-  system.analyse();
-  std::mt19937 generator(6);
-  Eigen::Matrix<double, 9, 9> root;
-  for (double& entry : root.reshaped()) entry = random_in(generator, -1.0, 1.0);
-  const Eigen::Matrix<double, 9, 9> tangent =
-      root * root.transpose() + Eigen::Matrix<double, 9, 9>::Identity();
-  NodeField residual(3), moves(3), step;
-  for (auto& r : residual) r = random_vector(generator, 1.0);
-  moves[1] = {0.3, -0.5, 0.7};
-  system.begin(residual, moves);
-  system.add<3>(nodes, system.places_of<3>(nodes), tangent);
-  ASSERT_TRUE(system.solve(1e-12, step));
-  EXPECT_EQ(step[1], moves[1]);
-  Eigen::VectorXd whole(9);
-  for (int i = 0; i < 3; ++i) whole.segment<3>(3 * i) = to_eigen(step[i]);
-  const Eigen::VectorXd force = tangent * whole;
-  for (const int i : {0, 2}) {
-    EXPECT_LT((force.segment<3>(3 * i) - to_eigen(residual[i])).norm(), 1e-12) << i;
-  }
-}
+// Three nodes, all joined, with a random positive tangent and random forces, about to be solved.
+struct ThreeNodes {
+  FemSystem system;
+  Eigen::Matrix<double, 9, 9> tangent;
+  NodeField residual{3};
 
-// A loose tolerance tells them apart: one ends there, the other has none.
-TEST(FemSystem, ConjugateGradientsGoAsFarAsTheyAreAskedToAndCholeskyAllTheWay) {
-  for (const auto kind : {FemOptions::Linear::pcg, FemOptions::Linear::cholesky}) {
-    FemSystem system({0, 0, 0}, kind);
+  ThreeNodes(std::vector<char> held, FemOptions::Linear kind, const NodeField& moves)
+      : system(std::move(held), kind) {
     const std::array nodes{0, 1, 2};
     system.connect(nodes);
     system.analyse();
     std::mt19937 generator(6);
     Eigen::Matrix<double, 9, 9> root;
     for (double& entry : root.reshaped()) entry = random_in(generator, -1.0, 1.0);
-    const Eigen::Matrix<double, 9, 9> tangent =
-        root * root.transpose() + Eigen::Matrix<double, 9, 9>::Identity();
-    NodeField residual(3), step;
+    tangent = root * root.transpose() + Eigen::Matrix<double, 9, 9>::Identity();
     for (auto& r : residual) r = random_vector(generator, 1.0);
-    system.begin(residual, NodeField(3));
+    system.begin(residual, moves);
     system.add<3>(nodes, system.places_of<3>(nodes), tangent);
+  }
+};
+
+// What nodes that are not free are about to do pulls at those that are, along every axis.
+TEST(FemSystem, MovesOfHeldNodesPullAtFreeOnesByTheirBlock) {
+  NodeField moves(3), step;
+  moves[1] = {0.3, -0.5, 0.7};
+  ThreeNodes three({0, 1, 0}, FemOptions::Linear::cholesky, moves);
+  ASSERT_TRUE(three.system.solve(1e-12, step));
+  EXPECT_EQ(step[1], moves[1]);
+  Eigen::VectorXd whole(9);
+  for (int i = 0; i < 3; ++i) whole.segment<3>(3 * i) = to_eigen(step[i]);
+  const Eigen::VectorXd force = three.tangent * whole;
+  for (const int i : {0, 2}) {
+    EXPECT_LT((force.segment<3>(3 * i) - to_eigen(three.residual[i])).norm(), 1e-12) << i;
+  }
+}
+
+// A loose tolerance tells them apart: one ends there, the other has none.
+TEST(FemSystem, ConjugateGradientsGoAsFarAsTheyAreAskedToAndCholeskyAllTheWay) {
+  for (const auto kind : {FemOptions::Linear::pcg, FemOptions::Linear::cholesky}) {
+    ThreeNodes three({0, 0, 0}, kind, NodeField(3));
+    NodeField step;
     constexpr double tolerance = 0.3;
-    ASSERT_TRUE(system.solve(tolerance, step));
+    ASSERT_TRUE(three.system.solve(tolerance, step));
     Eigen::VectorXd p(9), r(9);
     for (int i = 0; i < 3; ++i) {
-      p.segment<3>(3 * i) = to_eigen(step[i]), r.segment<3>(3 * i) = to_eigen(residual[i]);
+      p.segment<3>(3 * i) = to_eigen(step[i]), r.segment<3>(3 * i) = to_eigen(three.residual[i]);
     }
-    const double left = (r - tangent * p).norm() / r.norm();
+    const double left = (r - three.tangent * p).norm() / r.norm();
     if (kind == FemOptions::Linear::pcg) {
       EXPECT_LE(left, tolerance);
       EXPECT_GT(left, 1e-3);

@@ -157,8 +157,7 @@ void MeshJob::take_regions(const MeshRequest& request) {
                                        .found = "cgal, for tets that regions cut",
                                        .allowed = "own or none with regions"});
   }
-  for (const RegionRequest& asked : request.regions)
-    regions_.push_back(make_region(asked, extent_));
+  regions_ = make_regions(request.regions, extent_);
   planes_ = planes_of(regions_);
 }
 

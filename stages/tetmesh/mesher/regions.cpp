@@ -22,13 +22,11 @@ constexpr double as_good_as_on = 1e-3;
 // Moving a vertex may not bring tets below this quality, unless they are worse before.
 constexpr double least_quality = 0.15;
 
-Error bad_region(const std::string& name, std::string found, std::string allowed,
-                 std::string remedy = "") {
+Error bad_region(const std::string& name, std::string found, std::string allowed) {
   return Error(ExitCode::bad_config, {.where = "parameters",
                                       .field = "regions." + name,
                                       .found = std::move(found),
-                                      .allowed = std::move(allowed),
-                                      .remedy = std::move(remedy)});
+                                      .allowed = std::move(allowed)});
 }
 
 class Cutter {
@@ -196,18 +194,6 @@ class Cutter {
   const std::size_t old_points_ = mesh_.points.size();
 };
 
-}  // namespace
-
-Box box_of(const std::vector<Vec>& points) {
-  Box box{points.front(), points.front()};
-  for (const Vec& p : points)
-    for (int a = 0; a < 3; ++a) {
-      box.lo[a] = std::min(box.lo[a], p[a]);
-      box.hi[a] = std::max(box.hi[a], p[a]);
-    }
-  return box;
-}
-
 Region make_region(const RegionRequest& request, const Box& body) {
   struct Side {
     std::size_t axis;
@@ -245,6 +231,24 @@ Region make_region(const RegionRequest& request, const Box& body) {
     throw bad_region(request.name, "neither side nor box",
                      "side with within, or box_lo and box_hi");
   return region;
+}
+
+}  // namespace
+
+Box box_of(const std::vector<Vec>& points) {
+  Box box{points.front(), points.front()};
+  for (const Vec& p : points)
+    for (int a = 0; a < 3; ++a) {
+      box.lo[a] = std::min(box.lo[a], p[a]);
+      box.hi[a] = std::max(box.hi[a], p[a]);
+    }
+  return box;
+}
+
+std::vector<Region> make_regions(const std::vector<RegionRequest>& requests, const Box& body) {
+  std::vector<Region> regions;
+  for (const RegionRequest& request : requests) regions.push_back(make_region(request, body));
+  return regions;
 }
 
 std::vector<Plane> planes_of(const std::vector<Region>& regions) {

@@ -32,7 +32,7 @@ struct Region {
 
 // `body` is the box around the body, whose sides are meant. Throws Error(bad_config) where nothing
 // is asked for, or for another side.
-Region make_region(const RegionRequest& request, const Box& body);
+std::vector<Region> make_regions(const std::vector<RegionRequest>& requests, const Box& body);
 
 // The planes of all regions, in their order. Throws Error(bad_config) beyond max_planes.
 std::vector<Plane> planes_of(const std::vector<Region>& regions);
