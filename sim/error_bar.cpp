@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "sim/base/refusal.hpp"
+#include "sim/element_choice.hpp"
 #include "sim/make.hpp"
 
 namespace viscera::sim {
@@ -18,8 +19,6 @@ constexpr double enough = 1e-5;
 // Of a cell: how far inside of its border a support ends, beyond rounding.
 constexpr double noticed = 1e-6;
 
-enum class Element { linear, smoothed, quadratic };
-
 Element element_of(const Scene& scene, int order) {
   if (order == 2) return Element::quadratic;
   return scene.has<SmoothedNeoHookean>() ? Element::smoothed : Element::linear;
@@ -28,16 +27,8 @@ Element element_of(const Scene& scene, int order) {
 // The scene with its Neo-Hookean tissue on other elements, and on all of them: tets that the
 // stability policy has given another law are the tissue's again.
 Scene with(Element element, Scene scene) {
-  auto& plain = scene.params<NeoHookean>();
-  auto& smoothed = scene.params<SmoothedNeoHookean>();
-  const std::size_t laws = plain.size() + smoothed.size();
-  plain.clear(), smoothed.clear();
   std::erase_if(scene.params<Corotational>(), [](const auto& law) { return !law.only.empty(); });
-  if (element == Element::smoothed) {
-    smoothed.resize(laws);
-  } else {
-    plain.resize(laws);
-  }
+  set_element(scene.effects, element);
   return scene;
 }
 

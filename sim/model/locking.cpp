@@ -7,13 +7,18 @@
 
 namespace viscera::sim {
 
-double locking_loss(double cell_over_thickness, double poisson_ratio) {
+double locking_loss(double cell_over_thickness, double poisson_ratio, Element element) {
+  if (element == Element::quadratic) return 0.0;
   const double lambda_over_mu = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio);
-  const double x = cell_over_thickness * cell_over_thickness * (2.0 + 0.6 * lambda_over_mu);
+  const double squared = cell_over_thickness * cell_over_thickness;
+  if (element == Element::smoothed) {
+    return 1.0 - 1.0 / (1.0 + 0.172 * squared * std::pow(lambda_over_mu, 0.69));
+  }
+  const double x = squared * (2.0 + 0.6 * lambda_over_mu);
   return 1.0 - 1.0 / (1.0 + x / (1.0 + x / 7.0));
 }
 
-Locking assess_locking(const Model& model) {
+Locking assess_locking(const Model& model, Element element) {
   Locking locking;
   double volume = 0.0, surface = 0.0;
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
@@ -23,7 +28,7 @@ Locking assess_locking(const Model& model) {
   for (const Triangle& face : boundary_faces(model)) surface += norm(area_vector(model, face));
   locking.cell = std::cbrt(6.0 * volume / static_cast<double>(model.tet_count()));
   locking.thickness = 4.0 * volume / surface;
-  locking.loss = locking_loss(locking.cell / locking.thickness, locking.poisson_ratio);
+  locking.loss = locking_loss(locking.cell / locking.thickness, locking.poisson_ratio, element);
   return locking;
 }
 

@@ -82,14 +82,14 @@ const Expectable table[] = {
      "The body at rest is farther off than allowed, or how far is not known: positions are not "
      "good "
      "to this length.",
-     "set certify: true and element: smoothed, or lower tetmesh.cell_size, or change "},
+     "set certify: true and element: auto, or lower tetmesh.cell_size, or change "},
     {"error_total_share", "1",
      "The body at rest is farther off than allowed, or how far is not known: positions are not "
      "good "
      "to this share of the displacement.",
-     "set certify: true and element: smoothed, or lower tetmesh.cell_size, or change "},
+     "set certify: true and element: auto, or lower tetmesh.cell_size, or change "},
     {"locking_estimate", "1",
-     "Linear tets lock: deflections in bending may come out too small by up to this share.",
+     "Elements lock: deflections in bending may come out too small by up to this share.",
      "set solver: fem with fem_order: 2, or lower nu or tetmesh.cell_size, or change "},
 };
 

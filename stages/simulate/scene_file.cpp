@@ -176,20 +176,17 @@ class SceneReader {
 
   void read_element(const YAML::Node& node) {
     if (!node) return;
-    const std::string word = node.IsScalar() ? node.Scalar() : "";
-    if (word == "linear") return;
-    if (word != "smoothed") {
-      throw fail(node, "element", word.empty() ? "not a word" : "'" + word + "'",
-                 "linear | smoothed");
+    const auto found = node.IsScalar() ? elements().find(node.Scalar()) : elements().end();
+    if (found == elements().end()) {
+      throw fail(node, "element", node.IsScalar() ? "'" + node.Scalar() + "'" : "not a word",
+                 "auto | linear | smoothed");
     }
-    auto& laws = file_.scene.params<sim::NeoHookean>();
-    if (laws.empty()) {
+    file_.element = found->second;
+    if (file_.element == sim::Element::smoothed && !file_.scene.has<sim::NeoHookean>()) {
       throw fail(node, "element", "smoothed, without effects.neo_hookean",
                  "smoothed elements of neo_hookean; other laws have linear tets",
                  "name effects.neo_hookean, or leave element out");
     }
-    file_.scene.params<sim::SmoothedNeoHookean>().resize(laws.size());
-    laws.clear();
   }
 
   // Each change starts from what holds before it.
@@ -411,6 +408,14 @@ class SceneReader {
 
 SceneFile read_scene(const fs::path& path, const Json& changes) {
   return SceneReader(path).read(changes);
+}
+
+const std::map<std::string, std::optional<sim::Element>>& elements() {
+  static const std::map<std::string, std::optional<sim::Element>> elements = {
+      {"auto", std::nullopt},
+      {"linear", sim::Element::linear},
+      {"smoothed", sim::Element::smoothed}};
+  return elements;
 }
 
 const std::map<std::string, sim::StabilityPolicy>& stability_policies() {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "pipeline/base/param.hpp"
+#include "sim/element_choice.hpp"
 #include "sim/scene/scene.hpp"
 
 namespace viscera {
@@ -29,7 +30,9 @@ struct SceneChange {
 struct SceneFile {
   sim::Scene scene;
   std::map<std::string, sim::Material> materials;
-  std::vector<SceneChange> schedule;  // in the order of time
+  std::optional<sim::Element> element;  // none, as a file is read: as suits the solver
+  std::string why_element;              // this element; "": it was named
+  std::vector<SceneChange> schedule;    // in the order of time
   std::vector<Expectation> expect;
 };
 
@@ -43,7 +46,8 @@ SceneFile read_scene(const std::filesystem::path& path, const Json& changes = Js
 std::vector<std::string> effect_names();
 std::vector<std::string> effects_on(const sim::Scene& scene);
 
-// As the scene's `stability` names them.
+// As the scene's `element` and `stability` name them.
+const std::map<std::string, std::optional<sim::Element>>& elements();
 const std::map<std::string, sim::StabilityPolicy>& stability_policies();
 
 // The scene as it will run, SI, every default spelled out.

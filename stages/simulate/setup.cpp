@@ -87,6 +87,7 @@ SceneFile scene_of(const StageRun& run, const Json& changes) {
   }
   if (run.has_param("substeps")) file.scene.time.substeps = run.param<int>("substeps");
   if (run.has_param("end")) file.scene.time.end_s = run.param<double>("end");
+  take_element(run, file);
   check_what_pbd_ignores(run, file);
   return file;
 }

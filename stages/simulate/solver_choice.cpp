@@ -81,6 +81,8 @@ bool goes_to_cuda(const StageRun& run, const sim::Scene& scene, const sim::Solve
 
 std::vector<Param> solver_params() {
   const sim::SolverOptions d;
+  std::vector<std::string> element_words;
+  for (const auto& [word, element] : elements()) element_words.push_back(word);
   Param threads = whole(
       "threads", d.threads, 0, 1024,
       "CPU threads, 0 for all, at most the machine's; one while others keep the cores so busy "
@@ -88,6 +90,13 @@ std::vector<Param> solver_params() {
   threads.in_key = false;
   return {
       choice("solver", methods, "how the scene is solved"),
+      {.name = "element",
+       .type = ParamType::text,
+       .fallback = nullptr,
+       .choices = element_words,
+       .doc =
+           "in place of the scene's element: auto, each tet's own strain, or the strain averaged "
+           "around edges"},
       choice(
           "scheme", schemes,
           "xpbd, pbd: the order of the elements; auto: blocks on a CUDA device where they do all "
@@ -140,6 +149,27 @@ SolverChoice solver_choice(const StageRun& run, const sim::Model& model, const s
   auto [scheme, why] = sim::choose_scheme(model, scene, options, goes_to_cuda(run, scene, options));
   options.scheme = scheme;
   return {options, std::move(why)};
+}
+
+void take_element(const StageRun& run, SceneFile& file) {
+  sim::SolverOptions options{.method = chosen(run, "solver", methods)};
+  options.fem.order = run.param<int>("fem_order");
+  std::optional<sim::Element> named = file.element;
+  if (run.has_param("element")) named = elements().at(run.param<std::string>("element"));
+  const std::string why_not = sim::why_not_smoothed(file.scene, options);
+  if (named == sim::Element::smoothed && !why_not.empty()) {
+    throw Error(ExitCode::bad_config,
+                {.where = run.input("scene").string(),
+                 .field = "element",
+                 .found = "smoothed, and " + why_not,
+                 .allowed = "smoothed elements of neo_hookean under xpbd, tled or fem of order 1",
+                 .remedy = "leave element out"});
+  }
+  const sim::ElementChoice choice = sim::choose_element(file.scene, options);
+  file.element = named.value_or(choice.element);
+  file.why_element = named ? "" : choice.why;
+  sim::set_element(file.scene.effects, *file.element);
+  for (auto& change : file.schedule) sim::set_element(change.effects, *file.element);
 }
 
 std::string scheme_name(const sim::SolverOptions& options) {

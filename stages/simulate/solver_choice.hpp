@@ -18,6 +18,11 @@ struct SolverChoice {
 // auto` those of sim::choose_scheme().
 SolverChoice solver_choice(const StageRun& run, const sim::Model& model, const sim::Scene& scene);
 
+// Gives the scene's Neo-Hookean tissue the elements that the run or the scene names, from the start
+// and in its schedule: those of sim::choose_element() where neither does. Throws Error(bad_config)
+// for smoothed elements of what has none.
+void take_element(const StageRun& run, SceneFile& file);
+
 // The word for the order of the elements; "" where the solver has none.
 std::string scheme_name(const sim::SolverOptions& options);
 

@@ -109,6 +109,16 @@ void report_scheme(StageRun& run, const sim::SolverOptions& options, const std::
   if (!why.empty()) log::info("scheme {}: {}", name, why);
 }
 
+sim::Element report_element(StageRun& run, const SceneFile& file) {
+  const sim::Element element = file.element.value_or(sim::Element::linear);
+  const char* const name = element == sim::Element::smoothed    ? "smoothed"
+                           : element == sim::Element::quadratic ? "quadratic"
+                                                                : "linear";
+  run.metric("element", name);
+  if (!file.why_element.empty()) log::info("elements {}: {}", name, file.why_element);
+  return element;
+}
+
 // The numbers of the method that was asked for, and of no other: implicit finite elements have
 // none.
 void report_stability(StageRun& run, const sim::Stability& stability, const sim::Scene& scene,
@@ -150,24 +160,23 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
             1e3 * scene.time.substep_s(), second ? "second" : "first");
 }
 
-// Linear tets that can hardly bend (sim/model/locking.hpp), said before the run. PBD knows no
+// Elements that can hardly bend (sim/model/locking.hpp), said before the run. PBD knows no
 // material.
-void report_locking(StageRun& run, const sim::Model& model, const sim::Scene& scene,
-                    const sim::SolverOptions& options) {
-  const bool is_linear = (options.method != sim::Method::fem || options.fem.order == 1) &&
-                         !scene.has<sim::SmoothedNeoHookean>();
-  if (!is_linear || options.method == sim::Method::pbd) return;
-  const sim::Locking locking = sim::assess_locking(model);
+void report_locking(StageRun& run, const sim::Model& model, sim::Element element,
+                    sim::Method method) {
+  if (element == sim::Element::quadratic || method == sim::Method::pbd) return;
+  const sim::Locking locking = sim::assess_locking(model, element);
   run.metric("locking_estimate", locking.loss);
   if (!(locking.poisson_ratio > sim::locking_from_nu)) return;
+  const bool is_smoothed = element == sim::Element::smoothed;
   log::warn(
-      "linear tets lock at nu {:.4g}: with cells of {:.2g} mm in a body about {:.2g} mm thick, "
+      "{} lock at nu {:.4g}: with cells of {:.2g} mm in a body about {:.2g} mm thick, "
       "deflections in bending may come out up to {:.0f} % too small (measured on bars against "
       "quadratic tets; less where the body is hardly bent)\n"
-      "  remedy:  element: smoothed in the scene, solver: fem with fem_order: 2, nu of {} or less, "
-      "or smaller cells",
-      locking.poisson_ratio, m_to_mm * locking.cell, m_to_mm * locking.thickness,
-      100.0 * locking.loss, sim::locking_from_nu);
+      "  remedy:  {}solver: fem with fem_order: 2, nu of {} or less, or smaller cells",
+      is_smoothed ? "smoothed elements" : "linear tets", locking.poisson_ratio,
+      m_to_mm * locking.cell, m_to_mm * locking.thickness, 100.0 * locking.loss,
+      is_smoothed ? "" : "element: smoothed, ", sim::locking_from_nu);
 }
 
 // What whole tets leave of what the scene's effects select: said before the run, and first of all
@@ -294,10 +303,11 @@ void simulate(StageRun& run) {
   const Schedule schedule(file);
   const int asked_substeps = file.scene.time.substeps;
   const auto [options, why] = solver_choice(run, model, file.scene);
+  const sim::Element element = report_element(run, file);
   report_scheme(run, options, why);
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
   report_stability(run, stability, file.scene, asked_substeps, options.method);
-  report_locking(run, model, file.scene, options);
+  report_locking(run, model, element, options.method);
   report_borders(run, model, file.scene);
   report_solver_error(run, stability, file.scene, options.method);
   write_atomically(run.out("scene.json"), to_json(file).dump(1) + "\n");
@@ -407,7 +417,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "12",
+           .version = "13",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

@@ -196,7 +196,7 @@ TEST_F(Live, SubstepsAreRaisedAloudWhereAStiffnessNeedsThem) {
   EXPECT_DOUBLE_EQ(world->time_s(), 20.0 / 60.0);
   advance(*world, 2);
   EXPECT_TRUE(world->state().finite());
-  EXPECT_GT(world->seconds().at("neo_hookean"), 0.0);
+  EXPECT_GT(world->seconds().at("smoothed_neo_hookean"), 0.0);
   world->apply(Reset{});
   EXPECT_EQ(world->setting()->scene.time.substeps, substeps);
 }

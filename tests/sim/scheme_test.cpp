@@ -5,6 +5,7 @@
 #include <set>
 
 #include "sim/base/refusal.hpp"
+#include "sim/element_choice.hpp"
 #include "sim/model/partition.hpp"
 #include "sim/scheme_choice.hpp"
 #include "tests/sim/shapes.hpp"
@@ -224,6 +225,37 @@ TEST(SchemeChoice, IsByColoursWhereBlocksOnADeviceLackWhatTheSceneAsksFor) {
       4, {.youngs_modulus = 264e3, .poisson_ratio = 0.45, .density = 1060.0, .damping = 0.02});
   EXPECT_EQ(choose_scheme(stiff, damped_scene(), {}, true).scheme, Scheme::gauss_seidel)
       << "by colours its damping is solved for";
+}
+
+TEST(ElementChoice, IsSmoothedWhereTheSceneHasWhatIsSmoothedAndTheMethodSolvesIt) {
+  const auto chosen = [](const Scene& scene, const SolverOptions& options) {
+    const ElementChoice choice = choose_element(scene, options);
+    EXPECT_FALSE(choice.why.empty());
+    return choice.element;
+  };
+  for (const Method method : {Method::xpbd, Method::tled, Method::fem}) {
+    EXPECT_EQ(chosen(elastic_scene(), {.method = method}), Element::smoothed);
+  }
+  EXPECT_EQ(chosen(elastic_scene(), {.method = Method::pbd}), Element::linear);
+  EXPECT_EQ(chosen(elastic_scene(), {.method = Method::fem, .fem = {.order = 2}}),
+            Element::quadratic);
+  Scene folds = elastic_scene();
+  folds.params<SelfContact>().emplace_back();
+  EXPECT_EQ(chosen(folds, {}), Element::linear);
+  Scene other;
+  other.params<Corotational>().emplace_back();
+  EXPECT_EQ(chosen(other, {}), Element::linear);
+}
+
+TEST(ElementChoice, IsMadeForEveryLawOfTheTissueAndTakenBack) {
+  Scene scene = elastic_scene();
+  scene.params<NeoHookean>().resize(2);
+  set_element(scene.effects, Element::smoothed);
+  EXPECT_FALSE(scene.has<NeoHookean>());
+  EXPECT_EQ(scene.params<SmoothedNeoHookean>().size(), 2u);
+  set_element(scene.effects, Element::quadratic);
+  EXPECT_EQ(scene.params<NeoHookean>().size(), 2u);
+  EXPECT_FALSE(scene.has<SmoothedNeoHookean>());
 }
 
 }  // namespace

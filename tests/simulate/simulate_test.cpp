@@ -83,9 +83,35 @@ TEST_F(Simulate, OneWordGivesSmoothedElementsToEverySolver) {
   EXPECT_EQ(run(smoothed,
                 {"--set", "solver=fem", "--set", "fem_time=quasi_static", "--set", "fem_order=2"}),
             3);
-  EXPECT_NE(errors.find("effects.smoothed_neo_hookean"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("element: smoothed, and quadratic tets"), std::string::npos) << errors;
   EXPECT_EQ(run(smoothed, {"--set", "solver=pbd"}), 3);
-  EXPECT_NE(errors.find("effects.smoothed_neo_hookean"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("element: smoothed, and PBD"), std::string::npos) << errors;
+}
+
+// In the start and in what the schedule brings; where a solver has none they are not asked for.
+TEST_F(Simulate, ElementsAreSmoothedByDefaultAndTheRunsWordStandsForTheScenes) {
+  const std::string change =
+      "schedule:\n  - {at: 0.02 s, effects: {gravity: {acceleration: 1 m/s2}}}\n";
+  const auto element_of = [&](const std::string& scene, std::vector<std::string> extra) -> Json {
+    extra.insert(extra.end(), {"--set", "end=0.05s"});
+    EXPECT_EQ(run(scene, extra), 0) << errors;
+    return metric("element");
+  };
+  EXPECT_EQ(element_of(drop_scene + change, {}), "smoothed");
+  const Json scene = Json::parse(read_file(path("out") / "scene.json"));
+  EXPECT_TRUE(scene["effects"].contains("smoothed_neo_hookean"));
+  EXPECT_FALSE(scene["effects"].contains("neo_hookean"));
+  EXPECT_TRUE(scene["schedule"][0]["effects"].contains("smoothed_neo_hookean"));
+  EXPECT_EQ(element_of(drop_scene, {"--set", "element=linear"}), "linear");
+  EXPECT_EQ(element_of(drop_scene + std::string("element: linear\n"), {"--set", "element=auto"}),
+            "smoothed");
+  EXPECT_EQ(element_of(drop_scene, {"--set", "solver=tled", "--set", "substeps=64"}), "smoothed");
+  EXPECT_EQ(element_of(with(drop_scene, "neo_hookean", "stvk"), {}), "linear");
+  EXPECT_EQ(element_of(with(with(drop_scene, "neo_hookean", "distance"), "  viscosity:\n", ""),
+                       {"--set", "solver=pbd"}),
+            "linear");
+  EXPECT_EQ(run(with(drop_scene, "neo_hookean", "stvk"), {"--set", "element=smoothed"}), 3);
+  EXPECT_NE(errors.find("the scene has no neo_hookean"), std::string::npos) << errors;
 }
 
 TEST_F(Simulate, ACertifiedRunSaysHowFarTheBodyIsOffOrWhyThatIsNotKnown) {
@@ -93,7 +119,7 @@ TEST_F(Simulate, ACertifiedRunSaysHowFarTheBodyIsOffOrWhyThatIsNotKnown) {
       with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
   ASSERT_EQ(run(held), 0) << errors;
   EXPECT_EQ(metric("error_total"), "absent");
-  ASSERT_EQ(run(held, {"--set", "certify=true"}), 0) << errors;
+  ASSERT_EQ(run(held, {"--set", "certify=true", "--set", "element=linear"}), 0) << errors;
   const double total = metric("error_total").get<double>();
   EXPECT_TRUE(metric("error_bar_unknown").is_null());
   EXPECT_GT(metric("error_element").get<double>(), metric("error_solver").get<double>());
@@ -101,8 +127,8 @@ TEST_F(Simulate, ACertifiedRunSaysHowFarTheBodyIsOffOrWhyThatIsNotKnown) {
                        metric("error_mesh").get<double>() + metric("error_support").get<double>());
   EXPECT_GT(metric("error_total_share").get<double>(), 0.01) << "linear tets on three cells";
   EXPECT_GT(metric("error_centroids").at("liver").get<double>(), 0.0);
-  ASSERT_EQ(run(held + "element: smoothed\n", {"--set", "certify=true"}), 0) << errors;
-  EXPECT_LT(metric("error_total").get<double>(), total);
+  ASSERT_EQ(run(held, {"--set", "certify=true"}), 0) << errors;
+  EXPECT_LT(metric("error_total").get<double>(), total) << "smoothed elements";
   EXPECT_EQ(run(held, {"--set", "certify=true", "--set", "end=0.05s"}), 0) << errors;
   EXPECT_EQ(metric("error_bar_unknown"), "the body is not at rest");
   EXPECT_EQ(metric("error_total"), "absent");
@@ -176,7 +202,7 @@ TEST_F(Simulate, BadScenesAreRefusedAtTheirLineWithTheFieldNamedAndNothingWritte
     std::string scene, place, says;
   } cases[] = {
       {with(s, "E: 5 kPa", "E: -5 kPa"), "scene.yaml:3:", "materials.liver.E"},
-      {s + "element: quadratic\n", "scene.yaml:13:", "linear | smoothed"},
+      {s + "element: quadratic\n", "scene.yaml:13:", "auto | linear | smoothed"},
       {s + "element: [smoothed]\n", "scene.yaml:13:", "not a word"},
       {with(s, "neo_hookean", "stvk") + "element: smoothed\n",
        "scene.yaml:13:", "smoothed, without effects.neo_hookean"},
@@ -435,7 +461,7 @@ stability: refuse
     const auto at = errors.find(words);
     return at == std::string::npos ? 0 : std::stoi(errors.substr(at + words.size()));
   };
-  const std::vector<std::string> tled = {"--set", "solver=tled"};
+  const std::vector<std::string> tled = {"--set", "solver=tled", "--set", "element=linear"};
   ASSERT_EQ(run(with(drawn, "[100 mm", "[1 mm"), tled), 0) << "at rest 12 are enough: " << errors;
   int substeps = 12;
   for (int attempt = 0;
@@ -510,24 +536,32 @@ TEST_F(Simulate, ASolverPrintsTheStabilityNumbersOfItsOwnMethodOnly) {
   EXPECT_NE(errors.find("kappa"), std::string::npos) << errors;
 }
 
-TEST_F(Simulate, LinearTetsThatLockAreToldBeforeTheRunWithAnEstimate) {
+TEST_F(Simulate, ElementsThatLockAreToldBeforeTheRunWithAnEstimate) {
   const auto stiff = with(drop_scene, "nu: 0.45", "nu: 0.499");
   const auto run_for = [&](const std::string& scene, std::vector<std::string> extra) {
     extra.insert(extra.end(), {"--set", "end=0.02s", "--set", "substeps=512"});
     return run(scene, extra);
   };
   for (const std::string solver : {"xpbd", "fem"}) {
-    EXPECT_EQ(run_for(stiff, {"--set", "solver=" + solver}), 0) << errors;
+    EXPECT_EQ(run_for(stiff, {"--set", "solver=" + solver, "--set", "element=linear"}), 0)
+        << errors;
     EXPECT_NE(errors.find("linear tets lock at nu 0.499"), std::string::npos) << errors;
-    EXPECT_NE(errors.find("fem_order: 2"), std::string::npos) << errors;
-    EXPECT_GT(metric("locking_estimate").get<double>(), 0.5);
+    EXPECT_NE(errors.find("element: smoothed, solver: fem with fem_order: 2"), std::string::npos)
+        << errors;
+    const double linear = metric("locking_estimate").get<double>();
+    EXPECT_GT(linear, 0.5);
+    EXPECT_EQ(run_for(stiff, {"--set", "solver=" + solver}), 0) << errors;
+    EXPECT_NE(errors.find("smoothed elements lock at nu 0.499"), std::string::npos) << errors;
+    EXPECT_GT(metric("locking_estimate").get<double>(), 0.2);
+    EXPECT_LT(metric("locking_estimate").get<double>(), linear);
     EXPECT_EQ(run_for(drop_scene, {"--set", "solver=" + solver}), 0) << errors;
-    EXPECT_EQ(errors.find("lock"), std::string::npos) << errors;
+    EXPECT_EQ(errors.find("lock at"), std::string::npos) << errors;
   }
   const auto quadratic = with(stiff, "  viscosity:\n", "");
   EXPECT_EQ(run_for(quadratic, {"--set", "solver=fem", "--set", "fem_order=2"}), 0) << errors;
-  EXPECT_EQ(errors.find("lock"), std::string::npos) << errors;
+  EXPECT_EQ(errors.find("lock at"), std::string::npos) << errors;
   EXPECT_EQ(metric("locking_estimate"), "absent");
+  EXPECT_EQ(metric("element"), "quadratic");
 }
 
 TEST_F(Simulate, AnAbsentDeviceIsExitSixAndAutoFallsBackSayingSo) {

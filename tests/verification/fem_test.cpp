@@ -353,22 +353,30 @@ TEST(FemContact, FrictionSticksBelowItsAngleAndSlidesWithTheDifferenceAbove) {
   }
 }
 
-TEST(FemLocking, TheEstimateIsWhatABarOfLinearTetsLoses) {
-  // Measured on the same bars: the deflection of linear tets over that of quadratic ones.
+TEST(FemLocking, TheEstimateIsWhatABarOfLinearTetsOrSmoothedElementsLoses) {
+  // Measured on the same bars: their deflection over that of quadratic tets.
   const auto bar = [](std::array<int, 3> cells, double nu) {
     const Material silicone = {.youngs_modulus = 263824, .poisson_ratio = nu, .density = 1070.0};
     return make_box({0.1, 0.03, 0.03}, cells, silicone);
   };
-  EXPECT_NEAR(assess_locking(bar({20, 6, 6}, 0.499)).loss, 0.802, 0.02);
-  EXPECT_NEAR(assess_locking(bar({20, 6, 6}, 0.45)).loss, 0.215, 0.02);
-  EXPECT_NEAR(assess_locking(bar({10, 3, 3}, 0.49)).loss, 0.722, 0.02);
-  EXPECT_NEAR(assess_locking(bar({10, 3, 3}, 0.3)).loss, 0.292, 0.02);
+  const auto loss = [&](std::array<int, 3> cells, double nu, Element element) {
+    return assess_locking(bar(cells, nu), element).loss;
+  };
+  EXPECT_NEAR(loss({20, 6, 6}, 0.499, Element::linear), 0.802, 0.02);
+  EXPECT_NEAR(loss({20, 6, 6}, 0.45, Element::linear), 0.215, 0.02);
+  EXPECT_NEAR(loss({10, 3, 3}, 0.49, Element::linear), 0.722, 0.02);
+  EXPECT_NEAR(loss({10, 3, 3}, 0.3, Element::linear), 0.292, 0.02);
+  EXPECT_NEAR(loss({20, 6, 6}, 0.499, Element::smoothed), 0.325, 0.02);
+  EXPECT_NEAR(loss({20, 6, 6}, 0.45, Element::smoothed), 0.026, 0.005);
+  EXPECT_NEAR(loss({10, 3, 3}, 0.499, Element::smoothed), 0.632, 0.02);
+  EXPECT_NEAR(loss({10, 3, 3}, 0.3, Element::smoothed), 0.029, 0.005);
+  EXPECT_EQ(loss({10, 3, 3}, 0.499, Element::quadratic), 0.0);
   // And once here.
   const Material soft = {.youngs_modulus = 263824, .poisson_ratio = 0.49, .density = 1070.0};
   const auto drop = [&](int order) {
     return mean_tip_drop(FemOptions::Linear::cholesky, order, {10, 3, 3}, soft, true);
   };
-  EXPECT_NEAR(1.0 - drop(1) / drop(2), assess_locking(bar({10, 3, 3}, 0.49)).loss, 0.02);
+  EXPECT_NEAR(1.0 - drop(1) / drop(2), loss({10, 3, 3}, 0.49, Element::linear), 0.02);
 }
 
 TEST(Fem, OptionsOutOfRangeAreRefusedWithTheFieldNamed) {
