@@ -62,15 +62,21 @@ class Compare : public testing::Test {
                       {{"role", "mesh"}, {"path", "mesh.vtu"}, {"sha256", mesh_name}}}},
                     {"outputs", {{{"path", "trajectory.h5"}, {"sha256", std::to_string(error)}}}},
                     {"metrics",
-                     {{{"name", "substeps"}, {"value", substeps}},
+                     {{{"name", "element"}, {"value", "linear"}},
+                      {{"name", "substeps"}, {"value", substeps}},
                       {{"name", "frame_ms_median"}, {"value", ms}}}}};
     one.series = {{"total_J", {1.0, 0.5}}, {"elastic_J", {0.0, 1.0}}, {"volume_ratio", {1.0, 0.9}}};
     return one;
   }
 
+  static ComparedRun of(const char* element, ComparedRun run) {
+    run.manifest["metrics"][0]["value"] = element;
+    return run;
+  }
+
   // A run of quadratic tets, which the options below make a reference.
   ComparedRun quadratic(int substeps, double error, const TetMesh& mesh, const char* mesh_name) {
-    ComparedRun one = run("fem", substeps, error, 99.0, mesh, mesh_name);
+    ComparedRun one = of("quadratic", run("fem", substeps, error, 99.0, mesh, mesh_name));
     one.manifest["params"]["fem_order"] = 2;
     return one;
   }
@@ -147,6 +153,24 @@ TEST_F(Compare, AStudyPartsTheErrorMarksFailuresAndFindsTheFront) {
   EXPECT_EQ(fem["failed"], "farther off than the body moves");
   EXPECT_TRUE(best["doubtful"].get<bool>()) << "the reference is no surer than that";
   EXPECT_FALSE(sixteen["doubtful"].get<bool>());
+}
+
+// Linear and smoothed elements of one mesh rest in different places.
+TEST_F(Compare, ASolversErrorIsThatFromAReferenceOfItsOwnElements) {
+  const TetMesh mesh = sample_mesh(3);
+  const double unit = height(mesh) / 100.0;
+  const Json scene = scene_of(
+      {run("tled", 64, 4.0, 9, mesh, "m"), of("smoothed", run("tled", 64, 0.0, 9, mesh, "m")),
+       run("xpbd", 8, 3.0, 1.0, mesh, "m"), of("smoothed", run("xpbd", 8, 2.0, 2.0, mesh, "m"))});
+  ASSERT_EQ(scene["meshes"].size(), 2u);
+  EXPECT_EQ(scene["meshes"][0]["element"], "linear");
+  EXPECT_EQ(scene["meshes"][1]["element"], "smoothed");
+  ASSERT_EQ(scene["points"].size(), 2u);
+  EXPECT_NEAR(scene["points"][0]["solver_mm"].get<double>(), 1.0 * unit, 1e-3);
+  EXPECT_NEAR(scene["points"][1]["solver_mm"].get<double>(), 2.0 * unit, 1e-3);
+  EXPECT_EQ(scene["points"][0]["label"], "xpbd, 8 substeps");
+  EXPECT_EQ(scene["points"][1]["label"], "xpbd, smoothed, 8 substeps");
+  EXPECT_EQ(scene["points"][1]["setting"]["element"], "smoothed");
 }
 
 TEST_F(Compare, EqualRunsAreOnePointAndMustBeEqual) {
@@ -234,6 +258,44 @@ TEST_F(Compare, QuadraticTetsAreTheTruthOfCoarserMeshesOnly) {
   EXPECT_NE(scene["sentences"][1].get<std::string>().find("together (the body is known to 0.0"),
             std::string::npos)
       << scene["sentences"][1];
+}
+
+// The displacement of a sheared body is in proportion to the height.
+TEST_F(Compare, ACentroidsErrorIsThatOfItsDisplacement) {
+  const TetMesh mesh = sample_mesh(3), fine = sample_mesh(6);
+  const auto height_of = [](const TetMesh& of, int label) {
+    double moment = 0.0, volume = 0.0;
+    for (std::size_t t = 0; t < of.tets.size(); ++t) {
+      if (of.labels[t] != label) continue;
+      double edge[3][3];
+      for (int i = 0; i < 3; ++i) {
+        for (int k = 0; k < 3; ++k) {
+          edge[i][k] = of.points[of.tets[t][i + 1]][k] - of.points[of.tets[t][0]][k];
+        }
+      }
+      const auto minor = [&](int a, int b) {
+        return edge[1][a] * edge[2][b] - edge[1][b] * edge[2][a];
+      };
+      const double own =
+          std::abs(edge[0][0] * minor(1, 2) + edge[0][1] * minor(2, 0) + edge[0][2] * minor(0, 1));
+      for (const int v : of.tets[t]) moment += 0.25 * own * of.points[v][2];
+      volume += own;
+    }
+    return moment / volume;
+  };
+  std::vector<ComparedRun> runs = {run("xpbd", 8, 3.0, 2.0, mesh, "m"),
+                                   quadratic(2, 0.5, sample_mesh(5), "n"),
+                                   quadratic(1, 0.501, fine, "f"), quadratic(2, 0.5, fine, "f")};
+  StudyOptions options = options_;
+  options.centroid = "tumour";
+  const Json scene = study_of(runs, options)["scenes"].at(0);
+  ASSERT_TRUE(scene["body"]["agreement_centroid_mm"].is_number()) << scene["no_body"];
+  const double own = 13.0 * height_of(mesh, 2) / 100.0, truth = 10.5 * height_of(fine, 2) / 100.0;
+  EXPECT_NEAR(scene["points"][0]["centroid_mm"].get<double>(), std::abs(own - truth), 2e-3);
+  options.centroid = "spleen";
+  const Json other = study_of(runs, options)["scenes"].at(0);
+  EXPECT_TRUE(other["points"][0]["centroid_mm"].is_null());
+  EXPECT_TRUE(other["body"]["agreement_centroid_mm"].is_null());
 }
 
 // Two meshes agree on what their time steps have in common.
@@ -411,7 +473,7 @@ TEST(Sentences, NameTheCheapestAndClaimADifferenceOnlyWhereIntervalsPart) {
 
 TEST(Sentences, DoNotTellThatAGoalIsReachedByAnErrorTooSmallToBeTold) {
   Json scene = scene_without_a_truth;
-  scene["body"] = {{"agreement_mm", 0.03}};
+  scene["body"] = {{"agreement_mm", 0.03}, {"agreement_centroid_mm", nullptr}};
   scene["points"] = {point("xpbd", 1, 1, 1, 0.1), point("tled", 2, 2, 2, 0.4)};
   scene["points"][0]["total_doubtful"] = true;
   EXPECT_EQ(sentences_of(scene, {0.5, 0.2})[1],
@@ -422,6 +484,21 @@ TEST(Sentences, DoNotTellThatAGoalIsReachedByAnErrorTooSmallToBeTold) {
   scene["points"][0]["doubtful"] = true;
   EXPECT_NE(sentences_of(scene, {0.2})[0].get<std::string>().find("0.2 mm is not told"),
             std::string::npos);
+}
+
+TEST(Sentences, TellACentroidOfItsOwnWhereThereIsATruth) {
+  Json scene = scene_without_a_truth;
+  scene["body"] = {{"agreement_mm", 0.03}, {"agreement_centroid_mm", 0.002}};
+  scene["centroid"] = "tumour";
+  scene["points"] = {point("xpbd", 1, 1, 1, 2.0), point("tled", 2, 2, 2, 0.4)};
+  for (Json& p : scene["points"]) {
+    p["centroid_mm"] = 0.1 * p["total_mm"].get<double>(), p["centroid_doubtful"] = false;
+  }
+  const Json all = sentences_of(scene, {0.3});
+  ASSERT_EQ(all.size(), 3u);
+  EXPECT_EQ(all[2],
+            "hang, the centroid of tumour (known to 0.002 mm), ms a frame: 0.3 mm costs 1 ms "
+            "(xpbd, 100 tets), tled needs 2 ms.");
 }
 
 TEST(Sentences, DoNotCountWhatFailed) {

@@ -40,11 +40,11 @@ TEST(Specs, OfTheProjectAllPlan) {
 TEST(Specs, OfTheGpuBundlePlanOnTheMeshesThatItMakes) {
   const TemporaryFolder folder(fs::temp_directory_path());
   const std::string made = read_file("configs/gpu/meshes.yaml");
-  for (const char* mesh : {"16mm", "8mm", "5.5mm", "3.5mm"}) {
+  for (const char* mesh : {"16mm", "10mm", "8mm", "5.5mm", "3.5mm"}) {
     EXPECT_NE(made.find(fmt::format("\n  {}:", mesh)), std::string::npos) << mesh;
     write_atomically(folder.path() / (std::string(mesh) + ".vtu"), "<VTKFile/>\n");
   }
-  EXPECT_EQ(specs_that_plan("configs/gpu", "meshes=" + folder.path().string(), folder.path()), 2);
+  EXPECT_EQ(specs_that_plan("configs/gpu", "meshes=" + folder.path().string(), folder.path()), 3);
 }
 
 TEST(Specs, OfTheProjectFollowTheirSchemaAndWhatIsWrongDoesNot) {

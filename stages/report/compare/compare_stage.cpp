@@ -16,7 +16,7 @@
 namespace viscera {
 namespace {
 
-constexpr const char* version = "3";
+constexpr const char* version = "4";
 
 Param list(const char* name, Json fallback, const char* doc) {
   return {.name = name, .type = ParamType::list, .fallback = std::move(fallback), .doc = doc};
@@ -49,6 +49,9 @@ StageInfo compare_info() {
            "runs of one mesh whose spread at the end is shown; [all]: every run"),
       list("references", Json::array(), "maps of simulate's params that make a run a reference"),
       list("wanted", Json::array({1.0, 0.5, 0.1}), "errors that the sentences speak of, mm"),
+      {.name = "centroid",
+       .fallback = "",
+       .doc = "label whose centroid is a quantity of its own in a study"},
       {.name = "max_frames",
        .type = ParamType::integer,
        .fallback = 60,
@@ -206,6 +209,7 @@ void compare(StageRun& run) {
   const RunList grid = runs_of(run, runs, "grid"), methods = runs_of(run, runs, "methods");
   StudyOptions options{.references = run.params().at("references")};
   for (const auto& wanted : run.params().at("wanted")) options.wanted_mm.push_back(wanted);
+  options.centroid = run.param<std::string>("centroid");
   std::ranges::sort(options.wanted_mm, std::greater());
   Json report{{"title", run.param<std::string>("title")},
               {"version", version},

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "pipeline/base/digest.hpp"
 
@@ -102,11 +103,14 @@ std::string name_of(const TetMesh& mesh) {
                             mesh.points.size() * sizeof(mesh.points[0])));
 }
 
-// A quarter of each tet's volume to each of its vertices, of the whole.
-std::vector<double> vertex_weights(const TetMesh& mesh) {
+// A quarter of each tet's volume to each of its vertices, of the whole: of all tets, or of those of
+// one label.
+std::vector<double> vertex_weights(const TetMesh& mesh, std::optional<int> label = std::nullopt) {
   std::vector<double> weights(mesh.points.size());
   double whole = 0.0;
-  for (const auto& tet : mesh.tets) {
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    if (label && mesh.labels[t] != *label) continue;
+    const auto& tet = mesh.tets[t];
     const Point& o = mesh.points[tet[0]];
     const double volume =
         std::abs(triple(minus(mesh.points[tet[1]], o), minus(mesh.points[tet[2]], o),
@@ -116,6 +120,23 @@ std::vector<double> vertex_weights(const TetMesh& mesh) {
   }
   for (double& weight : weights) weight /= whole;
   return weights;
+}
+
+// Of linear tets the mean displacement of a label is that of its centroid.
+using Centroids = std::map<std::string, std::vector<double>>;  // weights of vertices, by label
+
+Centroids centroids_of(const TetMesh& mesh) {
+  Centroids all;
+  for (const auto& [label, name] : mesh.label_names) all[name] = vertex_weights(mesh, label);
+  return all;
+}
+
+Point mean(const std::vector<Point>& u, const std::vector<double>& weights) {
+  Point sum{};
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    for (int k = 0; k < 3; ++k) sum[k] += weights[i] * u[i][k];
+  }
+  return sum;
 }
 
 std::vector<Point> displacements(const TrajectoryReader& trajectory, std::size_t frame) {
@@ -151,6 +172,7 @@ Distance DistanceBetween::operator()(const TrajectoryReader& of, const Trajector
   }
   const auto weights = vertex_weights(of.mesh());
   const auto& at = places(of.mesh(), reference.mesh());
+  const Centroids centroids = centroids_of(of.mesh()), others = centroids_of(reference.mesh());
   const std::size_t count = span == Span::history ? wanted : 1;
   Distance distance;
   for (std::size_t f = 0; f < count; ++f) {
@@ -172,6 +194,14 @@ Distance DistanceBetween::operator()(const TrajectoryReader& of, const Trajector
       if (!(std::sqrt(square) <= distance.end)) distance.end = std::sqrt(square);
     }
     if (!(distance.end <= distance.largest)) distance.largest = distance.end;
+    for (const auto& [label, own] : centroids) {
+      const auto other = others.find(label);
+      if (other == others.end()) continue;
+      const Point d = minus(mean(mine, own), mean(theirs, other->second));
+      double& largest = distance.centroids[label];
+      const double now = std::hypot(d[0], d[1], d[2]);
+      if (!(now <= largest)) largest = now;
+    }
   }
   distance.rms = std::sqrt(distance.rms);
   return distance;

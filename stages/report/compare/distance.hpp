@@ -4,6 +4,7 @@
 
 #include <map>
 #include <memory>
+#include <string>
 
 #include "stages/trajectory/trajectory_io.hpp"
 
@@ -13,6 +14,8 @@ struct Distance {
   double rms = 0.0;      // weighted by volume, over frames
   double largest = 0.0;  // of any vertex in any frame
   double end = 0.0;      // of any vertex in the last frame
+  // By the name of a label, of its centroid's displacement in any frame; labels of both alone.
+  std::map<std::string, double> centroids;
 };
 
 enum class Span { history, end };  // every frame of equal time, or the last of each

@@ -15,7 +15,8 @@ namespace {
 struct Measure {
   const char *error, *doubtful;
 };
-constexpr Measure solver_alone = {"solver_mm", "doubtful"}, total = {"total_mm", "total_doubtful"};
+constexpr Measure solver_alone = {"solver_mm", "doubtful"}, total = {"total_mm", "total_doubtful"},
+                  centroid = {"centroid_mm", "centroid_doubtful"};
 
 // What has this error at most, without having failed; of the doubtful, or of the others.
 std::vector<const Json*> reaching(const Json& points, const Measure& measure, double wanted,
@@ -154,6 +155,12 @@ Json sentences_of(const Json& scene, const std::vector<double>& wanted_mm) {
                fmt::format("{}, mesh and solver together (the body is known to {:.2g} mm), {}",
                            name, body["agreement_mm"].get<double>(), cost),
                total, wanted_mm, ""));
+  if (body["agreement_centroid_mm"].is_null()) return all;
+  all.push_back(sentence(scene,
+                         fmt::format("{}, the centroid of {} (known to {:.2g} mm), {}", name,
+                                     scene["centroid"].get<std::string>(),
+                                     body["agreement_centroid_mm"].get<double>(), cost),
+                         centroid, wanted_mm, ""));
   return all;
 }
 

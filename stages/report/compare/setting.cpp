@@ -7,7 +7,8 @@
 namespace viscera {
 namespace {
 
-const std::set<std::string> no_setting = {"repeat", "change", "end", "threads", "accuracy"};
+const std::set<std::string> no_setting = {"repeat",  "change",   "end",
+                                          "threads", "accuracy", "element"};
 
 // "cpu" of "cpu, 16 threads".
 std::string device_of(const ComparedRun& run) {
@@ -23,10 +24,18 @@ std::string scheme_of(const ComparedRun& run) {
 
 }  // namespace
 
+std::string element_of(const ComparedRun& run) {
+  return run.text_metric("element").value_or("linear");
+}
+
 Json setting_of(const ComparedRun& run) {
   Json setting = Json::object();
   for (const auto& [name, value] : run.manifest["params"].items()) {
     if (!no_setting.contains(name)) setting[name] = value;
+  }
+  // Quadratic tets are those of another param.
+  if (const std::string element = element_of(run); element != "quadratic") {
+    setting["element"] = element;
   }
   setting["substeps"] = run.metric("substeps").value_or(0.0);
   setting["scheme"] = scheme_of(run);
@@ -35,7 +44,9 @@ Json setting_of(const ComparedRun& run) {
 }
 
 std::string method_of(const ComparedRun& run) {
-  return run.param("solver") + (device_of(run) == "cuda" ? " on CUDA" : "");
+  std::string method = run.param("solver") + (device_of(run) == "cuda" ? " on CUDA" : "");
+  if (const std::string element = element_of(run); element != "linear") method += ", " + element;
+  return method;
 }
 
 std::string label_of(const ComparedRun& run) {
@@ -43,7 +54,6 @@ std::string label_of(const ComparedRun& run) {
   const int substeps = static_cast<int>(run.metric("substeps").value_or(0.0));
   std::string label = method_of(run);
   if (run.param("solver") == "fem") {
-    if (run.param("fem_order") == "2") label += ", quadratic";
     if (run.param("fem_time") == "quasi_static") return label + ", equilibrium";
     const bool is_controlled = run.param("fem_time") == "bdf2";
     label += fmt::format(", {}{} steps, tolerance {}", substeps, is_controlled ? " or more" : "",
@@ -61,7 +71,10 @@ std::string label_of(const ComparedRun& run) {
 bool matches(const ComparedRun& run, const Json& wanted) {
   for (const auto& [name, value] : wanted.items()) {
     const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
-    if ((name == "scheme" ? scheme_of(run) : run.param(name)) != text) return false;
+    const std::string own = name == "scheme"    ? scheme_of(run)
+                            : name == "element" ? element_of(run)
+                                                : run.param(name);
+    if (own != text) return false;
   }
   return true;
 }

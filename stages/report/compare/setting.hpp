@@ -9,7 +9,10 @@ namespace viscera {
 // device that it ran on ("cpu", "cuda"): given to viscera-simulate they repeat it.
 Json setting_of(const ComparedRun& run);
 
-// "xpbd", "xpbd on CUDA": what has a curve of its own.
+// "linear", "smoothed" or "quadratic".
+std::string element_of(const ComparedRun& run);
+
+// "xpbd", "xpbd on CUDA, smoothed": what has a curve of its own.
 std::string method_of(const ComparedRun& run);
 
 // In words, without what the solver does not use.

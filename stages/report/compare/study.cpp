@@ -80,9 +80,14 @@ Json motion_of(const ComparedRun& run) {
   return run.manifest["outputs"][0]["sha256"];
 }
 
-// Of the body rather than of its mesh: what linear tets err by is not in it.
+// Of the body rather than of its mesh: what other elements err by is not in it.
 bool is_quadratic(const ComparedRun& run) {
-  return run.param("solver") == "fem" && run.param("fem_order") == "2";
+  return element_of(run) == "quadratic";
+}
+
+// What a run solves: the mesh and its elements.
+std::string equations_of(const ComparedRun& run) {
+  return run.input("mesh") + "|" + element_of(run);
 }
 
 double volume_off(const ComparedRun& run) {
@@ -114,13 +119,13 @@ Json times_of(const Runs& equal, const char* metric, double factor) {
 class SceneStudy {
  public:
   SceneStudy(const Runs& runs, const StudyOptions& options, DistanceBetween& distance)
-      : distance_(distance) {
+      : distance_(distance), centroid_(options.centroid) {
     for (const auto* run : runs) {
       const bool is_reference =
           std::ranges::any_of(options.references, [&](const Json& r) { return matches(*run, r); });
       auto& list =
           is_reference
-              ? (is_quadratic(*run) ? quadratic_ : linear_)[run->input("mesh")]
+              ? (is_quadratic(*run) ? quadratic_ : simple_)[equations_of(*run)]
               : points_[run->input("mesh") + setting_of(*run).dump() + end_of(*run).dump()];
       // What does not differ between rounds is one run, however many cases name it; of references
       // one a setting will do.
@@ -133,7 +138,7 @@ class SceneStudy {
     }
   }
 
-  bool has_references() const { return !linear_.empty() || !quadratic_.empty(); }
+  bool has_references() const { return !simple_.empty() || !quadratic_.empty(); }
 
   Json made() {
     find_finest();
@@ -148,6 +153,7 @@ class SceneStudy {
               {"size_mm", number(size_mm_)},
               {"body", body()},
               {"no_body", why_no_body_},
+              {"centroid", centroid_},
               {"front_by", truth_ ? "total_mm" : "solver_mm"},
               {"meshes", meshes()},
               {"points", Json::array()}};
@@ -157,18 +163,18 @@ class SceneStudy {
   }
 
  private:
-  using ByMesh = std::map<std::string, Runs>;
+  using ByEquations = std::map<std::string, Runs>;
 
-  // The references of every mesh, those on the finest mesh last.
-  static Runs by_tets(const ByMesh& references) {
+  // The references of every mesh and element, those on the finest mesh last.
+  static Runs by_tets(const ByEquations& references) {
     Runs all;
-    for (const auto& [mesh, runs] : references) all.push_back(runs.back());
+    for (const auto& [equations, runs] : references) all.push_back(runs.back());
     std::ranges::sort(all, {}, [](const ComparedRun* run) { return run->tets(); });
     return all;
   }
 
   void find_finest() {
-    finest_ = by_tets(quadratic_.empty() ? linear_ : quadratic_).back();
+    finest_ = by_tets(quadratic_.empty() ? simple_ : quadratic_).back();
     span_ = finest_->param("fem_time") == "quasi_static" && finest_->param("solver") == "fem"
                 ? Span::end
                 : Span::history;
@@ -192,32 +198,39 @@ class SceneStudy {
         return;
       }
     }
-    const double agreement_mm = apart(check, truth) + steps_mm;
+    const Distance between = distance_(*check.trajectory, *truth.trajectory, span_);
+    const double agreement_mm = between.largest + steps_mm;
     if (truth.diverged() || check.diverged() || !std::isfinite(agreement_mm)) {
       why_no_body_ = "the two finest references of quadratic tets do not both reach the end";
       return;
     }
     truth_ = &truth, check_ = &check;
     body_agreement_ = agreement_mm;
+    centroid_agreement_ = centroid_of(between) + steps_mm;
+  }
+
+  // Not a number where the label is not in both.
+  double centroid_of(const Distance& distance) const {
+    const auto found = distance.centroids.find(centroid_);
+    return found == distance.centroids.end() ? NAN : found->second;
   }
 
   Json body() const {
     if (!truth_) return nullptr;
-    return {{"reference", label_of(*truth_)},
-            {"tets", truth_->tets()},
-            {"check", label_of(*check_)},
-            {"check_tets", check_->tets()},
-            {"agreement_mm", body_agreement_}};
+    return {
+        {"reference", label_of(*truth_)},  {"tets", truth_->tets()},
+        {"check", label_of(*check_)},      {"check_tets", check_->tets()},
+        {"agreement_mm", body_agreement_}, {"agreement_centroid_mm", number(centroid_agreement_)}};
   }
 
   double apart(const ComparedRun& a, const ComparedRun& b) {
     return distance_(*a.trajectory, *b.trajectory, span_).largest;
   }
 
-  // By how much the last two references of one order on this run's mesh differ; infinite: there is
+  // By how much the last two references of this run's mesh and element differ; infinite: there is
   // one.
-  double agreement_of(const ByMesh& references, const ComparedRun& run) {
-    const auto found = references.find(run.input("mesh"));
+  double agreement_of(const ByEquations& references, const ComparedRun& run) {
+    const auto found = references.find(equations_of(run));
     if (found == references.end() || found->second.size() < 2) {
       return std::numeric_limits<double>::infinity();
     }
@@ -231,7 +244,7 @@ class SceneStudy {
   // there is none. One whose motion is the same bits took the same steps.
   double steps_agreement_of(const ComparedRun& reference) {
     double least = std::numeric_limits<double>::infinity();
-    for (const auto* other : quadratic_[reference.input("mesh")]) {
+    for (const auto* other : quadratic_[equations_of(reference)]) {
       const auto differs = [&](const char* step) {
         return setting_of(*other)[step] != setting_of(reference)[step];
       };
@@ -258,19 +271,21 @@ class SceneStudy {
 
   Json meshes() {
     Json list = Json::array();
-    for (const auto& [mesh, runs] : linear_) {
+    for (const auto& [equations, runs] : simple_) {
       const ComparedRun& last = *runs.back();
       const auto discretisation = total_of(last);
       list.push_back(
-          {{"sha256", mesh},
+          {{"sha256", last.input("mesh")},
+           {"element", element_of(last)},
            {"tets", last.tets()},
            {"reference", label_of(last)},
            {"check", runs.size() > 1 ? Json(label_of(*runs[runs.size() - 2])) : Json(nullptr)},
-           {"agreement_mm", number(agreement_of(linear_, last))},
+           {"agreement_mm", number(agreement_of(simple_, last))},
            {"discretisation_mm", number(discretisation ? discretisation->largest : NAN)}});
     }
     std::sort(list.begin(), list.end(), [](const Json& a, const Json& b) {
-      return a["tets"].get<int>() < b["tets"].get<int>();
+      return std::pair(a["tets"].get<int>(), a["element"]) <
+             std::pair(b["tets"].get<int>(), b["element"]);
     });
     return list;
   }
@@ -295,10 +310,9 @@ class SceneStudy {
               {"energy_rise", number(energy_rise(run))},
               {"volume_off", number(volume_off(run))},
               {"inverted", run.metric("inverted_max").value_or(0.0)}};
-    // Quadratic tets are held against quadratic ones: against linear ones their error is the
-    // mesh's.
-    const ByMesh& references = is_quadratic(run) ? quadratic_ : linear_;
-    const auto same = references.find(mesh);
+    // Against references of other elements the error would be the elements'.
+    const ByEquations& references = is_quadratic(run) ? quadratic_ : simple_;
+    const auto same = references.find(equations_of(run));
     std::optional<Distance> solver;
     if (same != references.end()) solver = error_of(run, *same->second.back());
     const auto total = total_of(run);
@@ -307,10 +321,13 @@ class SceneStudy {
     json["solver_mm"] = number(solver_mm);
     json["solver_rms_mm"] = number(solver ? solver->rms : NAN);
     json["total_mm"] = number(total_mm);
+    const double centroid_mm = total ? centroid_of(*total) : NAN;
+    json["centroid_mm"] = number(centroid_mm);
     json["end_mm"] = number(solver ? solver->end : NAN);
     json["failed"] = why_failed(equal, solver_mm, total_mm);
     json["doubtful"] = !(solver_mm > 10.0 * agreement_of(references, run));
     json["total_doubtful"] = !(total_mm > 10.0 * body_agreement_);
+    json["centroid_doubtful"] = !(centroid_mm > 10.0 * centroid_agreement_);
     json["front"] = false;
     return json;
   }
@@ -354,14 +371,15 @@ class SceneStudy {
   }
 
   DistanceBetween& distance_;
-  ByMesh linear_, quadratic_;           // references by mesh
+  std::string centroid_;                // of this label; "": none
+  ByEquations simple_, quadratic_;      // references by mesh and element; simple: of 4 nodes a tet
   std::map<std::string, Runs> points_;  // by mesh, setting and end
   std::vector<const Runs*> order_;
   std::map<const ComparedRun*, double> agreements_;  // of references with those before them, mm
   const ComparedRun* finest_ = nullptr;              // of the references
   const ComparedRun *truth_ = nullptr, *check_ = nullptr;  // of the body; null: there is none
   std::string why_no_body_;
-  double body_agreement_ = 0.0;  // mm
+  double body_agreement_ = 0.0, centroid_agreement_ = 0.0;  // mm
   Span span_ = Span::history;
   double size_mm_ = 0.0;
 };

@@ -156,7 +156,9 @@
     if (body === null) return `Solver error only: ${no_body}. What the mesh adds to it is not known.`;
     return `The truth of the body is ${body.reference} on ${number(body.tets)} tets; its check, ${body.check} ` +
       `on ${number(body.check_tets)} tets, differs by ${quantity(Number(body.agreement_mm.toPrecision(3)), "mm")}` +
-      (span === "history" ? ", the difference that other time steps make included." : ".");
+      (span === "history" ? ", the difference that other time steps make included" : "") +
+      (body.agreement_centroid_mm === null ? "." :
+        ` (the centroid by ${quantity(Number(body.agreement_centroid_mm.toPrecision(2)), "mm")}).`);
   }
 
   function showStudy() {
@@ -173,6 +175,7 @@
           element("div", {class: "scroll"}, table)));
       const errors = [["solver_mm", "Solver's error on its own mesh"]];
       if (scene.body !== null) errors.push(["total_mm", "Error of mesh and solver together"]);
+      errors.push(["centroid_mm", `Error of the centroid of ${scene.centroid}`]);
       for (const [key, title] of errors) {
         const chart = viscera.workPrecision(box, scene, key, title);
         if (chart) charts.push(chart);
@@ -183,11 +186,11 @@
             ? "not known: no finer truth" : quantity(m.discretisation_mm, "mm")]})));
       meshes.after(element("p", {class: "note"}, bodyWords(scene)));
       fillTable(table, ["Setting", "Tets", scene.cost, "Interval", "99th percentile", "Runs", "Cs", "Solver's error",
-        "rms", "Total error", "Energy rise", "Volume off", "Inverted", "Failed"],
+        "rms", "Total error", "Centroid", "Energy rise", "Volume off", "Inverted", "Failed"],
         scene.points.map(p => ({failed: p.failed !== "", cells: [p.label + (p.front ? " ★" : ""),
           number(p.tets), number(p.ms[1]), `${number(p.ms[0])} to ${number(p.ms[2])}`, orNone(p.p99_ms, "ms"), number(p.repeats),
           orNone(p.cs, "1"), orNone(p.solver_mm, "mm"), orNone(p.solver_rms_mm, "mm"),
-          orNone(p.total_mm, "mm"), orNone(p.energy_rise, "1"), number(p.volume_off), number(p.inverted),
+          orNone(p.total_mm, "mm"), orNone(p.centroid_mm, "mm"), orNone(p.energy_rise, "1"), number(p.volume_off), number(p.inverted),
           p.failed || "–"]})));
     }
   }

@@ -4,7 +4,10 @@
 
 const solverColours = {xpbd: ["#c2382e", "#f0766c"], pbd: ["#b08a00", "#e6c229"],
                        fem: ["#2a64b8", "#6fa3ec"], tled: ["#1d8a63", "#4cc79a"],
-                       "xpbd on CUDA": ["#8a3fb5", "#c592ea"]};
+                       "xpbd on CUDA": ["#8a3fb5", "#c592ea"],
+                       "xpbd, smoothed": ["#d9730d", "#ffa94d"], "fem, smoothed": ["#5b3fb8", "#a48cf0"],
+                       "tled, smoothed": ["#0e7490", "#4fc3dc"], "fem, quadratic": ["#1e3a8a", "#93b4f5"],
+                       "xpbd on CUDA, smoothed": ["#c0268f", "#f07ccb"]};
 viscera.solverColour = function (method) {
   const dark = document.documentElement.dataset.theme === "dark";
   return (solverColours[method] || ["#6f7b88", "#95a1af"])[dark ? 1 : 0];
@@ -78,7 +81,7 @@ viscera.workPrecision = function (parent, scene, key, title) {
   if (!good.length) return null;
   const canvas = frameFor(parent, title, "mm", title + " against time of work, both logarithmic");
   canvas.parentNode.classList.add("tall");
-  const doubt = key === "total_mm" ? "total_doubtful" : "doubtful";
+  const doubt = {total_mm: "total_doubtful", centroid_mm: "centroid_doubtful"}[key] || "doubtful";
   const top = 2 * Math.max(...good.map(p => p[key]));
   const curves = [...new Set(good.map(p => p.method + "|" + p.tets))].map(name => {
     const [method, tets] = name.split("|");
