@@ -100,6 +100,10 @@ std::string why_not(const JsonValue& point, const Question& question) {
   if (solver == "pbd") return "PBD, whose error at one setting says nothing of another";
   if (!point.find("total_mm")) return "no truth on a finer mesh";
   if (point["total_doubtful"].flag()) return "error below ten times the doubt of the truth";
+  // Quadratic tets are named by another param.
+  const auto order = point["setting"].find("fem_order");
+  const bool is_quadratic = solver == "fem" && order && order->number() == 2.0;
+  if (!is_quadratic && !point["setting"].find("element")) return "unknown elements";
   const auto end = point.find("end_s");
   if (!end) return "unknown end";
   if (std::abs(end->number() - question.end_s) > single_precision * question.end_s) {

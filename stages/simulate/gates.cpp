@@ -13,8 +13,8 @@ const GateInfo inverted_end(
     "inverted_end", "<=", "1",
     "Tets are turned inside out in the last frame: positions and stresses near them are wrong, and "
     "the body is not at rest.",
-    "raise substeps, set solver: xpbd or fem, or lower tetmesh.cell_size where the body is "
-    "thin");
+    "raise substeps, set solver: xpbd or fem, set element: linear, or lower tetmesh.cell_size "
+    "where the body is thin");
 
 namespace {
 
@@ -39,13 +39,13 @@ const Expectable table[] = {
     {"inverted_max", "1",
      "Tets are turned inside out in some frames: positions and stresses near them are wrong in "
      "these frames, and the motion after them may be.",
-     "raise substeps, set solver: xpbd or fem, lower tetmesh.cell_size where the body is thin, "
-     "or change "},
+     "raise substeps, set solver: xpbd or fem, set element: linear, lower tetmesh.cell_size where "
+     "the body is thin, or change "},
     {"inverted_frames", "1",
      "Tets are turned inside out in more frames than expected: positions and stresses near them "
      "are wrong in these frames.",
-     "raise substeps, set solver: xpbd or fem, lower tetmesh.cell_size where the body is thin, "
-     "or change "},
+     "raise substeps, set solver: xpbd or fem, set element: linear, lower tetmesh.cell_size where "
+     "the body is thin, or change "},
     {"volume_ratio_end", "1",
      "The body's volume at the end differs from that at rest by more than expected: it is more "
      "compressible than it should be.",

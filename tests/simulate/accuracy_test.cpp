@@ -9,15 +9,17 @@ namespace {
 class Accuracy : public Simulate {
  protected:
   Json point(const std::string& solver, int substeps, double ms, double mm) const {
-    return {{"setting", {{"solver", solver}, {"substeps", substeps}, {"iterations", 1}}},
-            {"label", solver},
-            {"mesh_sha256", input_digest(path("mesh.vtu")).sha256},
-            {"ms", {ms, ms, ms}},
-            {"total_mm", mm},
-            {"total_doubtful", false},
-            {"end_s", 0.05},
-            {"inverted", 0},
-            {"failed", ""}};
+    return {
+        {"setting",
+         {{"solver", solver}, {"element", "linear"}, {"substeps", substeps}, {"iterations", 1}}},
+        {"label", solver},
+        {"mesh_sha256", input_digest(path("mesh.vtu")).sha256},
+        {"ms", {ms, ms, ms}},
+        {"total_mm", mm},
+        {"total_doubtful", false},
+        {"end_s", 0.05},
+        {"inverted", 0},
+        {"failed", ""}};
   }
   // A study of drop_scene on this mesh, of runs to 0.05 s, sure of the body to 0.1 mm.
   void write_study(const Json& points, const Json& of_scene = Json::object()) {
@@ -52,6 +54,7 @@ TEST_F(Accuracy, TheCheapestSettingThatReachesItIsTaken) {
   EXPECT_EQ(metric("substeps"), 40);
   EXPECT_EQ(metric("accuracy_setting"), "xpbd");
   EXPECT_EQ(metric("accuracy_expected"), 0.35);
+  EXPECT_EQ(metric("element"), "linear") << "not the default";
   ASSERT_EQ(run_with("0.42mm"), 0) << errors;
   EXPECT_EQ(metric("substeps"), 48) << "the reference's doubt counts";
 }
@@ -85,6 +88,18 @@ TEST_F(Accuracy, IsRefusedWhereTheStudyKnowsTheSolversErrorOnly) {
   own["total_mm"] = nullptr;
   write_study(Json::array({own}));
   EXPECT_TRUE(refuses("no truth on a finer mesh (tled)"));
+}
+
+// What a study without them had is not what a run has today.
+TEST_F(Accuracy, APointOfUnknownElementsIsNotTaken) {
+  auto old = point("xpbd", 40, 2.0, 0.35);
+  old["setting"].erase("element");
+  write_study(Json::array({old}));
+  EXPECT_TRUE(refuses("unknown elements (xpbd)"));
+  old["setting"].update({{"solver", "fem"}, {"fem_order", 2}, {"substeps", 1}});
+  write_study(Json::array({old}));
+  run_with("5mm");  // viscosity is not theirs
+  EXPECT_EQ(errors.find("unknown elements"), std::string::npos) << errors;
 }
 
 TEST_F(Accuracy, IsRefusedForACheckpointAStiffnessOrAnEndThatTheStudyDidNotHave) {
