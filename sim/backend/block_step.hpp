@@ -217,8 +217,8 @@ template <EffectSet set = all_effects, class T>
 SIM_HD Vec3<T> loaded_displacement(const BlockScene<T>& scene, const Step<T>& step,
                                    const BlockVertices<T>& x, int i, const VertexNow<T>& now,
                                    Vec3<T> d) {
-  const auto [u, w] = now.u;
-  const T dt = scene.dt;
+  const Vec3<T> u = now.u.v;
+  const T w = now.u.w, dt = scene.dt;
   for_each_view<EffectKind::force, set>(scene, [&]<class Effect>(const auto& view, int) {
     if (w > T(0)) d += (dt * dt) * Effect::acceleration(view.device, x.rest[i], u, now.v);
   });

@@ -2,10 +2,10 @@
 // they must keep.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <numeric>
 #include <random>
-#include <ranges>
 #include <set>
 
 #include "sim/measures/stability.hpp"
@@ -171,6 +171,7 @@ TEST(Banks, ElementsThatLoadAtOnceWantRowsOfAllBanks) {
   }
   std::vector<int> order(elements.size());
   std::iota(order.begin(), order.end(), 0);
+  const std::vector<int> all = order;
   const Banks<4> banks(elements, 8);
   banks.balance(order);
   std::vector<Roles<4>> roles(order.size());
@@ -186,7 +187,7 @@ TEST(Banks, ElementsThatLoadAtOnceWantRowsOfAllBanks) {
     turns += turns_of(group);
     before += turns_of(std::span(elements).subspan(at, 8));
   }
-  EXPECT_TRUE(std::ranges::is_permutation(order, std::views::iota(0, 128)));
+  EXPECT_TRUE(std::ranges::is_permutation(order, all));
   EXPECT_LE(turns, 1.3 * 4 * 16);
   EXPECT_GE(before, 2.0 * 4 * 16);
 }

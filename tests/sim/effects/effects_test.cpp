@@ -501,7 +501,7 @@ TEST(NeoHookean, SmallStrainSlopeIsYoungsModulusForEveryPoissonRatio) {
 
 TEST(Viscosity, ItsBoundTakesTheLargestEigenvalue) {
   std::mt19937 generator(11);
-  for (const auto& [first, second, third] : std::vector<std::array<double, 3>>{
+  for (const auto& value : std::vector<std::array<double, 3>>{
            {3.0, 1.0, 0.5}, {2.0, 2.0, 1.0}, {4.0, 1.0, 1.0}, {5.0, 5.0, 5.0}, {1.0, 0.0, 0.0}}) {
     Vec3<double> a = random_vector(generator, 1.0), b = random_vector(generator, 1.0);
     a = (1.0 / norm(a)) * a;
@@ -509,10 +509,10 @@ TEST(Viscosity, ItsBoundTakesTheLargestEigenvalue) {
     b = (1.0 / norm(b)) * b;
     const Vec3<double> c = cross(a, b);
     const auto column = [&](double x, double y, double z) {
-      return first * x * a + second * y * b + third * z * c;
+      return value[0] * x * a + value[1] * y * b + value[2] * z * c;
     };
     const Mat3<double> m{{column(a.x, b.x, c.x), column(a.y, b.y, c.y), column(a.z, b.z, c.z)}};
-    EXPECT_NEAR(largest_eigenvalue(m), first, 1e-7 * first);
+    EXPECT_NEAR(largest_eigenvalue(m), value[0], 1e-7 * value[0]);
   }
 }
 
