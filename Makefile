@@ -202,8 +202,8 @@ sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and Thr
 	  LSAN_OPTIONS=suppressions=$(CURDIR)/.ci/fuzz_leaks:print_suppressions=0 \
 	  ctest --test-dir build/sanitized -L 'unit|property' -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|^StiffBar.*Newton|^SweepError|AllAgreeOnABar' \
 	  --output-on-failure -j $(JOBS)
-	@cmake --preset tsan >/dev/null && ninja -C build/tsan -j $(JOBS) test_sim
-	@ctest --test-dir build/tsan -R 'SameBits|Threads' --output-on-failure
+	@cmake --preset sanitized-threads >/dev/null && ninja -C build/sanitized-threads -j $(JOBS) test_sim
+	@ctest --test-dir build/sanitized-threads -R 'SameBits|Threads' --output-on-failure
 
 odr: all-packages ## link the programs as wholes and refuse types of one name that are not one type
 	@cmake -G Ninja -S . -B build/odr -DCMAKE_BUILD_TYPE=Release -DVISCERA_TESTS=OFF -DVISCERA_CUDA=OFF \
