@@ -257,14 +257,14 @@ Deviation surface_to_faces(const Mask& mask, const SurfaceMesh& surface,
 }
 
 // Face-connected voxels that lie beyond the limit, as one part each.
-std::vector<LostPart> lost_parts(const Frame& frame, const Far& far) {
-  std::vector<LostPart> parts;
+std::vector<FarPart> lost_parts(const Frame& frame, const Far& far) {
+  std::vector<FarPart> parts;
   std::set<std::size_t> seen;
   std::vector<std::size_t> front;
   const std::size_t nx = frame.size[0], ny = frame.size[1];
   for (const auto& [seed, seed_distance] : far) {
     if (!seen.insert(seed).second) continue;
-    LostPart part;
+    FarPart part;
     std::size_t farthest = seed;
     front.assign(1, seed);
     while (!front.empty()) {
@@ -285,7 +285,7 @@ std::vector<LostPart> lost_parts(const Frame& frame, const Far& far) {
     parts.push_back(part);
   }
   std::stable_sort(parts.begin(), parts.end(),
-                   [](const LostPart& a, const LostPart& b) { return a.distance > b.distance; });
+                   [](const FarPart& a, const FarPart& b) { return a.distance > b.distance; });
   return parts;
 }
 

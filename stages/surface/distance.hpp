@@ -13,16 +13,16 @@ struct Deviation {
 };
 
 // A connected part of the mask whose outer faces lie farther from the surface than allowed.
-struct LostPart {
+struct FarPart {
   std::size_t voxels = 0;
   double distance = 0.0;          // of its farthest face
   std::array<double, 3> place{};  // LPS mm, of that face
 };
 
 struct BoundaryDistance {
-  Deviation to_surface;        // from the middle of every outer voxel face to the surface
-  Deviation to_voxels;         // from the surface's points and triangle middles to the nearest face
-  std::vector<LostPart> lost;  // the farthest first
+  Deviation to_surface;       // from the middle of every outer voxel face to the surface
+  Deviation to_voxels;        // from the surface's points and triangle middles to the nearest face
+  std::vector<FarPart> lost;  // the farthest first
 };
 
 // `lost_beyond`: distance of a face from which on its voxel counts as lost.

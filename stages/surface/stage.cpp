@@ -103,9 +103,9 @@ Json deviation_json(const Deviation& deviation) {
 }
 
 // The thin parts that smoothing swallowed, the farthest first: all of them.
-Json lost_json(const std::vector<LostPart>& lost, double voxel_volume) {
+Json lost_json(const std::vector<FarPart>& lost, double voxel_volume) {
   Json list = Json::array();
-  for (const LostPart& part : lost) {
+  for (const FarPart& part : lost) {
     list.push_back({{"distance_mm", part.distance},
                     {"voxels", part.voxels},
                     {"ml", static_cast<double>(part.voxels) * voxel_volume / 1000.0},
@@ -115,7 +115,7 @@ Json lost_json(const std::vector<LostPart>& lost, double voxel_volume) {
 }
 
 void report_lost(const std::string& name, const MatchedSurface& made,
-                 const std::vector<LostPart>& lost, double beyond) {
+                 const std::vector<FarPart>& lost, double beyond) {
   if (made.dropped > 0) {
     const auto& p = made.dropped_at.front();
     log::warn(

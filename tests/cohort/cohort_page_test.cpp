@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 
 TEST(Outliers, StandOutByTheirModifiedZScore) {
   // median 10, MAD 1: z = 3.5 at 10 + 3.5 * 1.4826 = 15.19
-  const Spread spread = spread_of({9, 10, 11, 9, 11, 10, 15.1, 15.3});
+  const ValueSpread spread = spread_of({9, 10, 11, 9, 11, 10, 15.1, 15.3});
   EXPECT_EQ(spread.median, 10.5);
   EXPECT_EQ(spread_of({9, 10, 11, 8, 12, 10, 15.1}).outlier,
             (std::vector<bool>{false, false, false, false, false, false, false}));

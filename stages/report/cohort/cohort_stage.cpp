@@ -73,7 +73,7 @@ Json rows_of(const std::vector<JsonValue>& cases) {
 Json spreads_of(const std::vector<Column>& columns, Json& rows) {
   Json spreads = Json::array();
   for (const auto& column : columns) {
-    const Spread spread = spread_of(column.values);
+    const ValueSpread spread = spread_of(column.values);
     spreads.push_back({{"stage", column.stage},
                        {"name", column.name},
                        {"unit", column.unit},

@@ -20,9 +20,9 @@ double median_of(std::vector<double> values) {
 
 }  // namespace
 
-Spread spread_of(const std::vector<double>& values) {
+ValueSpread spread_of(const std::vector<double>& values) {
   const auto [least, most] = std::ranges::minmax(values);
-  Spread spread{.least = least, .median = median_of(values), .most = most};
+  ValueSpread spread{.least = least, .median = median_of(values), .most = most};
   spread.outlier.assign(values.size(), false);
   if (values.size() < min_values) return spread;
   std::vector<double> distances;

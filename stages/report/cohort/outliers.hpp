@@ -11,12 +11,12 @@
 
 namespace viscera {
 
-struct Spread {
+struct ValueSpread {
   double least = 0.0, median = 0.0, most = 0.0;
   std::vector<bool> outlier;  // by value
 };
 
 // `values`: at least one, finite.
-Spread spread_of(const std::vector<double>& values);
+ValueSpread spread_of(const std::vector<double>& values);
 
 }  // namespace viscera
