@@ -77,6 +77,25 @@ bool goes_to_cuda(const StageRun& run, const sim::Scene& scene, const sim::Solve
   return sim::what_cuda_lacks(scene, options).empty() && sim::find_cuda_device().name;
 }
 
+// All but the order of the elements, which `scheme: auto` leaves open.
+sim::SolverOptions asked_options(const StageRun& run) {
+  sim::SolverOptions options{.method = chosen(run, "solver", methods),
+                             .precision = chosen(run, "precision", precisions),
+                             .iterations = run.param<int>("iterations"),
+                             .split = run.param<double>("split"),
+                             .block_tets = run.param<int>("block_tets"),
+                             .stiffness = run.param<double>("stiffness"),
+                             .threads = run.param<int>("threads"),
+                             .spares_threads = true};
+  options.fem.time = chosen(run, "fem_time", fem_times);
+  options.fem.step_error = run.param<double>("fem_step_error");
+  options.fem.linear = chosen(run, "fem_linear", fem_linears);
+  options.fem.tolerance = run.param<double>("fem_tolerance");
+  options.fem.order = run.param<int>("fem_order");
+  options.pause_point = log::check_interrupt;
+  return options;
+}
+
 }  // namespace
 
 std::vector<Param> solver_params() {
@@ -127,20 +146,7 @@ std::vector<Param> solver_params() {
 }
 
 SolverChoice solver_choice(const StageRun& run, const sim::Model& model, const sim::Scene& scene) {
-  sim::SolverOptions options{.method = chosen(run, "solver", methods),
-                             .precision = chosen(run, "precision", precisions),
-                             .iterations = run.param<int>("iterations"),
-                             .split = run.param<double>("split"),
-                             .block_tets = run.param<int>("block_tets"),
-                             .stiffness = run.param<double>("stiffness"),
-                             .threads = run.param<int>("threads"),
-                             .spares_threads = true};
-  options.fem.time = chosen(run, "fem_time", fem_times);
-  options.fem.step_error = run.param<double>("fem_step_error");
-  options.fem.linear = chosen(run, "fem_linear", fem_linears);
-  options.fem.tolerance = run.param<double>("fem_tolerance");
-  options.fem.order = run.param<int>("fem_order");
-  options.pause_point = log::check_interrupt;
+  sim::SolverOptions options = asked_options(run);
   if (const auto named = chosen(run, "scheme", schemes)) {
     options.scheme = *named;
     return {options, ""};
@@ -152,8 +158,7 @@ SolverChoice solver_choice(const StageRun& run, const sim::Model& model, const s
 }
 
 void take_element(const StageRun& run, SceneFile& file) {
-  sim::SolverOptions options{.method = chosen(run, "solver", methods)};
-  options.fem.order = run.param<int>("fem_order");
+  const sim::SolverOptions options = asked_options(run);
   std::optional<sim::Element> named = file.element;
   if (run.has_param("element")) named = elements().at(run.param<std::string>("element"));
   const std::string why_not = sim::why_not_smoothed(file.scene, options);

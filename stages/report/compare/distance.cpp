@@ -122,13 +122,13 @@ std::vector<double> vertex_weights(const TetMesh& mesh, std::optional<int> label
   return weights;
 }
 
-// Of linear tets the mean displacement of a label is that of its centroid.
-using Centroids = std::map<std::string, std::vector<double>>;  // weights of vertices, by label
-
-Centroids centroids_of(const TetMesh& mesh) {
-  Centroids all;
-  for (const auto& [label, name] : mesh.label_names) all[name] = vertex_weights(mesh, label);
-  return all;
+// Those by which the vertices' mean displacement is that of the label's centroid (of linear tets);
+// empty: the mesh has no such label.
+std::vector<double> centroid_weights(const TetMesh& mesh, const std::string& label) {
+  for (const auto& [id, name] : mesh.label_names) {
+    if (name == label) return vertex_weights(mesh, id);
+  }
+  return {};
 }
 
 Point mean(const std::vector<Point>& u, const std::vector<double>& weights) {
@@ -172,9 +172,11 @@ Distance DistanceBetween::operator()(const TrajectoryReader& of, const Trajector
   }
   const auto weights = vertex_weights(of.mesh());
   const auto& at = places(of.mesh(), reference.mesh());
-  const Centroids centroids = centroids_of(of.mesh()), others = centroids_of(reference.mesh());
+  const auto own = centroid_weights(of.mesh(), centroid_),
+             other = centroid_weights(reference.mesh(), centroid_);
   const std::size_t count = span == Span::history ? wanted : 1;
   Distance distance;
+  if (!own.empty() && !other.empty()) distance.centroid = 0.0;
   for (std::size_t f = 0; f < count; ++f) {
     const double apart = of.times_s()[f] - reference.times_s()[f];
     if (span == Span::history && std::abs(apart) > 1e-9) return {never, never, never};
@@ -194,14 +196,10 @@ Distance DistanceBetween::operator()(const TrajectoryReader& of, const Trajector
       if (!(std::sqrt(square) <= distance.end)) distance.end = std::sqrt(square);
     }
     if (!(distance.end <= distance.largest)) distance.largest = distance.end;
-    for (const auto& [label, own] : centroids) {
-      const auto other = others.find(label);
-      if (other == others.end()) continue;
-      const Point d = minus(mean(mine, own), mean(theirs, other->second));
-      double& largest = distance.centroids[label];
-      const double now = std::hypot(d[0], d[1], d[2]);
-      if (!(now <= largest)) largest = now;
-    }
+    if (own.empty() || other.empty()) continue;
+    const Point d = minus(mean(mine, own), mean(theirs, other));
+    const double now = std::hypot(d[0], d[1], d[2]);
+    if (!(now <= distance.centroid)) distance.centroid = now;
   }
   distance.rms = std::sqrt(distance.rms);
   return distance;

@@ -2,6 +2,7 @@
 // body at the vertices of the first, with the displacement of the second interpolated there.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <memory>
 #include <string>
@@ -14,8 +15,9 @@ struct Distance {
   double rms = 0.0;      // weighted by volume, over frames
   double largest = 0.0;  // of any vertex in any frame
   double end = 0.0;      // of any vertex in the last frame
-  // By the name of a label, of its centroid's displacement in any frame; labels of both alone.
-  std::map<std::string, double> centroids;
+  // Of the displacement of the label's centroid in any frame; not a number where none is asked for
+  // or one of the two has no such label.
+  double centroid = std::numeric_limits<double>::quiet_NaN();
 };
 
 enum class Span { history, end };  // every frame of equal time, or the last of each
@@ -23,6 +25,9 @@ enum class Span { history, end };  // every frame of equal time, or the last of 
 // Interpolation between meshes is kept from one call to the next, by mesh.
 class DistanceBetween {
  public:
+  // `centroid`: the label whose centroid is followed; "": none.
+  explicit DistanceBetween(std::string centroid = "") : centroid_(std::move(centroid)) {}
+
   // Not finite when the first lacks a frame of the second (it did not get there) or has it at
   // another time. For `end` the history is that of one frame.
   Distance operator()(const TrajectoryReader& of, const TrajectoryReader& reference, Span span);
@@ -34,6 +39,7 @@ class DistanceBetween {
   };
   const std::vector<Place>& places(const TetMesh& of, const TetMesh& in);
   std::map<std::pair<std::string, std::string>, std::vector<Place>> known_;
+  std::string centroid_;
 };
 
 // The largest displacement of any vertex in any frame, mm.

@@ -206,13 +206,7 @@ class SceneStudy {
     }
     truth_ = &truth, check_ = &check;
     body_agreement_ = agreement_mm;
-    centroid_agreement_ = centroid_of(between) + steps_mm;
-  }
-
-  // Not a number where the label is not in both.
-  double centroid_of(const Distance& distance) const {
-    const auto found = distance.centroids.find(centroid_);
-    return found == distance.centroids.end() ? NAN : found->second;
+    centroid_agreement_ = between.centroid + steps_mm;
   }
 
   Json body() const {
@@ -321,7 +315,7 @@ class SceneStudy {
     json["solver_mm"] = number(solver_mm);
     json["solver_rms_mm"] = number(solver ? solver->rms : NAN);
     json["total_mm"] = number(total_mm);
-    const double centroid_mm = total ? centroid_of(*total) : NAN;
+    const double centroid_mm = total ? total->centroid : NAN;
     json["centroid_mm"] = number(centroid_mm);
     json["end_mm"] = number(solver ? solver->end : NAN);
     json["failed"] = why_failed(equal, solver_mm, total_mm);
@@ -430,7 +424,7 @@ Json study_of(const std::vector<ComparedRun>& runs, const StudyOptions& options)
     if (list.empty()) order.push_back(problem_of(run));
     list.push_back(&run);
   }
-  DistanceBetween distance;
+  DistanceBetween distance(options.centroid);
   Json study{{"wanted_mm", options.wanted_mm}, {"scenes", Json::array()}};
   for (const auto& problem : order) {
     SceneStudy scene(problems[problem], options, distance);
