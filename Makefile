@@ -56,7 +56,7 @@ SHOWN = || { code=$$?; [ $$code -eq 5 ] || [ $$code -eq 7 ]; }
 paper: programs ## the source paper's experiments, to out/paper/compare.html
 	@$(BIN)/viscera run configs/paper.yaml $(SHOWN)
 
-study: programs ## what accuracy costs in time, to out/study/compare.html: a quarter of an hour
+study: programs ## what accuracy costs in time, to out/study/compare.html: three quarters of an hour
 	@$(BIN)/viscera run configs/study.yaml $(SHOWN)
 
 study-full: programs ## the same in full, to out/study_full/compare.html: many hours

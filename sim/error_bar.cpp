@@ -61,17 +61,6 @@ class Norms {
     }
     return std::sqrt(sum / mass_);
   }
-  // How far a material's centroid is in one from where it is in the other.
-  double centroid_between(const Displacement& a, const Displacement& b, int material) const {
-    Vec3<double> moved;
-    double volume = 0.0;
-    for (std::size_t t = 0; t < model_.tet_count(); ++t) {
-      if (model_.material_of[t] != material) continue;
-      for (const int v : model_.tets[t]) moved += (0.25 * model_.volume[t]) * (a[v] - b[v]);
-      volume += model_.volume[t];
-    }
-    return norm(moved) / volume;
-  }
 
  private:
   const Model& model_;
@@ -131,7 +120,7 @@ std::optional<OtherSupports> other_supports(const Model& model, const Scene& sce
 }  // namespace
 
 ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int order,
-                   const std::function<void()>& pause_point) {
+                   const std::function<void()>& pause_point, std::span<const Probe> probes) {
   const Element own = element_of(scene, order);
   ErrorBar bar;
   if (!scene.has<NeoHookean>() && !scene.has<SmoothedNeoHookean>()) {
@@ -180,9 +169,9 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
   for (std::size_t i = 0; i < end.u.size(); ++i) {
     bar.largest = std::max(bar.largest, norm(end.u[i] - all.quadratic[i]));
   }
-  for (std::size_t m = 0; m < model.materials.size(); ++m) {
-    bar.centroids.push_back(parts_of(all, [&](const Displacement& a, const Displacement& b) {
-      return norms.centroid_between(a, b, static_cast<int>(m));
+  for (const Probe& probe : probes) {
+    bar.probes.push_back(parts_of(all, [&probe](const Displacement& a, const Displacement& b) {
+      return norm(probe.mean_of(a) - probe.mean_of(b));
     }));
   }
   return bar;

@@ -23,10 +23,12 @@
 #pragma once
 
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "sim/model/model.hpp"
+#include "sim/model/probe.hpp"
 #include "sim/model/state.hpp"
 #include "sim/scene/scene.hpp"
 
@@ -44,16 +46,16 @@ struct ErrorParts {
 };
 
 struct ErrorBar {
-  std::string unknown;                // why there is none; empty: there is one
-  ErrorParts displacement;            // root mean square over the mass
-  double size = 0.0;                  // m, root mean square of u_2: what a share is of
-  double largest = 0.0;               // m, of u - u_2 at a vertex
-  std::vector<ErrorParts> centroids;  // of each material's centroid
+  std::string unknown;             // why there is none; empty: there is one
+  ErrorParts displacement;         // root mean square over the mass
+  double size = 0.0;               // m, root mean square of u_2: what a share is of
+  double largest = 0.0;            // m, of u - u_2 at a vertex
+  std::vector<ErrorParts> probes;  // of the displacement of each
 };
 
 // Of a body that rests in `end` under the elements `order` (1: the scene's, linear or smoothed; 2:
 // quadratic tets). `pause_point` is called between Newton steps.
 ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int order,
-                   const std::function<void()>& pause_point);
+                   const std::function<void()>& pause_point, std::span<const Probe> probes = {});
 
 }  // namespace viscera::sim

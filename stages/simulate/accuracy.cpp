@@ -15,7 +15,7 @@
 #include "pipeline/contract/input_digest.hpp"
 #include "sim/make.hpp"
 #include "sim/measures/stability.hpp"
-#include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
 #include "stages/simulate/stage.hpp"
 
 namespace viscera {

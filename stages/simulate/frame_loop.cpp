@@ -102,14 +102,50 @@ class RestJudge {
   std::optional<sim::Balance> balance_;
 };
 
+// The forces of frames, each found when the next one is known: its acceleration takes both.
+class Forces {
+ public:
+  Forces(const sim::Model& model, const sim::Scene& scene, const FrameOptions& options,
+         Outcome& outcome)
+      : model_(model), scene_(scene), tissue_(options.tissue) {
+    if (!options.forces) return;
+    reactions_.emplace(model, scene, tissue_);
+    outcome.exerting = reactions_->names();
+  }
+
+  // Materials and parameters have changed; names have not.
+  void begin_setting() {
+    if (reactions_) reactions_.emplace(model_, scene_, tissue_);
+  }
+  // Of the last frame of `outcome`, which `after` follows.
+  void find_before(const sim::State& after, Outcome& outcome) {
+    if (!reactions_ || outcome.before.u.empty()) return;
+    take(sim::FrameMotion::between(outcome.before, outcome.last, after, frame_s()), outcome);
+  }
+  // Of the last frame, which nothing follows; `first` is the state before outcome.before.
+  void find_at_end(const sim::State& first, Outcome& outcome) {
+    if (!reactions_ || first.u.empty()) return;
+    take(sim::FrameMotion::at_end(first, outcome.before, outcome.last, frame_s()), outcome);
+  }
+
+ private:
+  void take(const sim::FrameMotion& motion, Outcome& outcome) {
+    const auto found = reactions_->at(motion);
+    outcome.frames.back().forces = found.of;
+    outcome.frames.back().handed_on = found.handed_on;
+  }
+  double frame_s() const { return scene_.time.frame_s; }
+
+  const sim::Model& model_;
+  const sim::Scene& scene_;
+  sim::Reactions::ForcesOfTissue tissue_;
+  std::optional<sim::Reactions> reactions_;
+};
+
 }  // namespace
 
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
-                   const Schedule& schedule,
-                   const std::function<void(const ComputedFrame&, const sim::State&)>& keep,
-                   const std::function<void(const Outcome&)>& kept, Outcome start,
-                   sim::Method method,
-                   const std::function<std::string(const sim::State&)>& objects) {
+                   const Schedule& schedule, const FrameOptions& options, Outcome start) {
   Outcome outcome = std::move(start);
   const bool resumed = !outcome.frames.empty();
   if (resumed) solver.set_state(outcome.last);
@@ -129,15 +165,18 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     schedule.set(setting, model, scene);
     solver.retune(model, scene);
   }
-  watch.emplace(model, scene, method);
+  watch.emplace(model, scene, options.method);
+  Forces forces(model, scene, options, outcome);
   for (int index = first_frame; index <= last_frame && !outcome.rested; ++index) {
     const bool begins = outcome.frames.empty();
-    if (const auto next = schedule.at((index - 1) * frame_s); next != setting) {
+    const auto next = schedule.at((index - 1) * frame_s);
+    const bool changed = next != setting;
+    if (changed) {
       setting = next;
       schedule.set(setting, model, scene);
       solver.retune(model, scene);
       judge.begin_setting(outcome.rest);
-      watch.emplace(model, scene, method);
+      watch.emplace(model, scene, options.method);
       outcome.watch.begun = false;
       log::info("t {:.3f} s: the schedule's change {}", (index - 1) * frame_s, setting);
     }
@@ -148,7 +187,7 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
       outcome.divergence = diverged.what();
       break;
     } catch (const Error&) {  // interrupted: the frames so far are there to go on from
-      if (kept && !begins) kept(outcome);
+      if (options.kept && !begins) options.kept(outcome);
       throw;
     }
     if (solver.off_host() && index < last_frame && schedule.at(index * frame_s) == setting) {
@@ -164,7 +203,8 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                         .step_ms = 1e3 * stepped.step_s};
     frame.now = timed(aside.diagnosis, [&] { return solver.diagnose(model, scene, state); });
     outcome.divergence = why_diverged(state, frame.now, size);
-    if (objects && !begins && outcome.divergence.empty()) outcome.divergence = objects(state);
+    if (options.objects && !begins && outcome.divergence.empty())
+      outcome.divergence = options.objects(state);
     if (outcome.divergence.empty()) {
       outcome.divergence = timed(aside.diagnosis, [&] {
         return watch->judge(begins ? nullptr : &outcome.last, state, frame.now, frame.time_s,
@@ -172,8 +212,9 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
       });
     }
     if (!outcome.divergence.empty()) return outcome;
+    for (const auto& probe : options.probes) frame.probes.push_back(probe.mean_of(state.u));
     frame.state_hash = timed(aside.diagnosis, [&] { return state.hash(); });
-    timed(aside.writing, [&] { keep(frame, state); });
+    timed(aside.writing, [&] { options.keep(frame, state); });
 
     if (frame.contacts > 0 && outcome.contact_time_s < 0.0) outcome.contact_time_s = frame.time_s;
     timed(aside.diagnosis, [&] {
@@ -190,13 +231,17 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     if (frame.now.inverted > 0 && std::ranges::all_of(outcome.frames, has_fewer)) {
       outcome.most_inverted = inverted_tets(model, state);
     }
+    timed(aside.diagnosis, [&] { forces.find_before(state, outcome); });
+    if (changed) forces.begin_setting();
     outcome.frames.push_back(frame);
+    const sim::State first = std::move(outcome.before);
     outcome.before = std::move(outcome.last);
     outcome.last = std::move(state);
     const double still_since_s = outcome.rest.since();
     outcome.rested =
         still_since_s >= 0.0 && frame.time_s - still_since_s >= scene.rest.hold_s - 1e-9;
-    if (kept) kept(outcome);
+    if (outcome.rested || index == last_frame) forces.find_at_end(first, outcome);
+    if (options.kept) options.kept(outcome);
     log::progress("simulating", outcome.rested ? 1.0 : frame.time_s / scene.time.end_s,
                   fmt::format("t {:.2f} s, speed {:.1f} mm/s, {:.1f} ms a frame", frame.time_s,
                               1e3 * frame.now.max_speed, frame.step_ms));

@@ -8,10 +8,12 @@
 #include <vector>
 
 #include "sim/measures/energy_watch.hpp"
+#include "sim/measures/reactions.hpp"
+#include "sim/model/probe.hpp"
 #include "sim/scene/diagnostics.hpp"
 #include "sim/solvers/solver.hpp"
 #include "stages/simulate/rest.hpp"
-#include "stages/simulate/schedule.hpp"
+#include "stages/simulate/scene/schedule.hpp"
 
 namespace viscera {
 
@@ -23,6 +25,11 @@ struct ComputedFrame {
   std::size_t contacts = 0;
   std::uint64_t state_hash = 0;
   double step_ms = 0.0;  // wall time of advance_frame, in which a device has finished
+  // Of what sim::Reactions names; empty where they are not asked for, in the first frame, and in
+  // the last one of a run that diverged.
+  std::vector<sim::Resultant> forces = {};
+  double handed_on = 0.0;                      // N, sim::Reactions::Found
+  std::vector<sim::Vec3<double>> probes = {};  // m, the displacement of each
 };
 
 // Wall time beside the steps, s; on a device at the same time as they.
@@ -47,18 +54,25 @@ struct Outcome {
   sim::State most_deformed;  // where the elastic energy was greatest
   // Of the frame with the most inverted tets, as inverted_tets() (inverted.hpp) lists them.
   std::vector<std::pair<double, std::size_t>> most_inverted;
+  std::vector<std::string> exerting;  // names of the frames' forces
 };
 
-// `keep` is called for every good frame, the first included, `kept` after it with all so far. Body
-// and scene, with which the solver was made, go through the schedule from its start on. `start`
-// holds what an interrupted run had reached; empty: the run begins with the solver's state.
-// `method` is the solver's. `objects` says of a frame after the first why the run may not go on
-// from it: a divergence; empty: it may.
+// What is done with the frames, and what they know.
+struct FrameOptions {
+  // Called for every good frame, the first included.
+  std::function<void(const ComputedFrame&, const sim::State&)> keep;
+  std::function<void(const Outcome&)> kept = {};  // after it, with all so far
+  sim::Method method = sim::Method::xpbd;         // of the solver
+  // Says of a frame after the first why the run may not go on from it: a divergence; empty: it may.
+  std::function<std::string(const sim::State&)> objects = {};
+  bool forces = false;                         // whether frames are to know theirs
+  sim::Reactions::ForcesOfTissue tissue = {};  // where tets are quadratic
+  std::vector<sim::Probe> probes = {};
+};
+
+// Body and scene, with which the solver was made, go through the schedule from its start on.
+// `start` holds what an interrupted run had reached; empty: the run begins with the solver's state.
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
-                   const Schedule& schedule,
-                   const std::function<void(const ComputedFrame&, const sim::State&)>& keep,
-                   const std::function<void(const Outcome&)>& kept = {}, Outcome start = {},
-                   sim::Method method = sim::Method::xpbd,
-                   const std::function<std::string(const sim::State&)>& objects = {});
+                   const Schedule& schedule, const FrameOptions& options, Outcome start = {});
 
 }  // namespace viscera

@@ -150,6 +150,29 @@ void report_rest(StageRun& run, const Outcome& outcome, const Schedule& schedule
   run.metric("rest_missing", outcome.rested ? Json::array() : Json(rest.missing()));
 }
 
+// What acts on the body at the end, from outside, and the most that did in a frame.
+void report_forces(StageRun& run, const Outcome& outcome) {
+  if (outcome.exerting.empty()) return;
+  Json end = Json::object(), most = Json::object();
+  std::string text;
+  for (std::size_t k = 0; k < outcome.exerting.size(); ++k) {
+    const std::string& name = outcome.exerting[k];
+    double largest = 0.0;
+    for (const auto& frame : outcome.frames) {
+      if (!frame.forces.empty()) largest = std::max(largest, norm(frame.forces[k].force));
+    }
+    most[name] = largest;
+    if (outcome.frames.back().forces.empty()) continue;
+    const auto& [force, moment] = outcome.frames.back().forces[k];
+    end[name] = {force.x, force.y, force.z};
+    text += fmt::format("{}{} {:.4g}", text.empty() ? "" : ", ", name, norm(force));
+  }
+  run.metric("force_end", end, "N");
+  run.metric("force_most", most, "N");
+  run.metric("force_handed_on_end", outcome.frames.back().handed_on, "N");
+  if (!text.empty()) log::info("forces on the body at the end, N: {}", text);
+}
+
 }  // namespace
 
 void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& file,
@@ -183,6 +206,7 @@ void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& fil
   run.metric("volume_ratio_end", last.now.volume_ratio);
   run.metric("displacement_max_end", m_to_mm * last.now.max_displacement, "mm");
   report_shape(run, model, outcome);
+  report_forces(run, outcome);
   run.metric("state_hash_end", fmt::format("{:016x}", last.state_hash));
 }
 
@@ -223,8 +247,29 @@ void apply_gates(StageRun& run, const sim::Model& model, const SceneFile& file,
   }
 }
 
+void report_probes(StageRun& run, const sim::Model& model, const std::vector<sim::Probe>& probes,
+                   const Outcome& outcome) {
+  if (probes.empty()) return;
+  Json at = Json::object(), moved = Json::object();
+  for (std::size_t k = 0; k < probes.size(); ++k) {
+    const auto& u = outcome.frames.back().probes[k];
+    const auto place = m_to_mm * (model.origin + probes[k].mean_of(model.rest) + u);
+    at[probes[k].name] = {place.x, place.y, place.z};
+    moved[probes[k].name] = m_to_mm * norm(u);
+    log::info("probe {} has moved by {:.4g} mm at the end", probes[k].name, m_to_mm * norm(u));
+  }
+  run.metric("probe_end", at, "mm");
+  run.metric("probe_displacement_end", moved, "mm");
+}
+
 void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& file,
-                      const Outcome& outcome, const sim::SolverOptions& options) {
+                      const std::vector<sim::Probe>& probes, const Outcome& outcome,
+                      const sim::SolverOptions& options) {
+  // The centroid of every label, and then what the run was to follow.
+  std::vector<sim::Probe> asked;
+  for (std::size_t m = 0; m < model.materials.size(); ++m)
+    asked.push_back(sim::probe_of_centroid(model, model.label_names[m], static_cast<int>(m)));
+  asked.insert(asked.end(), probes.begin(), probes.end());
   sim::ErrorBar bar;
   const auto begin = std::chrono::steady_clock::now();
   if (!outcome.divergence.empty()) {
@@ -234,8 +279,8 @@ void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& f
   } else {
     log::info("certify: finding the equilibria of linear, of the run's own and of quadratic tets");
     const bool is_quadratic = options.method == sim::Method::fem && options.fem.order == 2;
-    bar =
-        sim::error_bar(model, file.scene, outcome.last, is_quadratic ? 2 : 1, options.pause_point);
+    bar = sim::error_bar(model, file.scene, outcome.last, is_quadratic ? 2 : 1, options.pause_point,
+                         asked);
   }
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - begin;
   run.machine_metric("error_bar_wall", wall.count(), "s");
@@ -252,11 +297,13 @@ void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& f
   run.metric("error_mesh", m_to_mm * mesh, "mm");
   run.metric("error_support", m_to_mm * support, "mm");
   run.metric("error_largest", m_to_mm * bar.largest, "mm");
-  Json centroids = Json::object();
-  for (std::size_t m = 0; m < bar.centroids.size(); ++m) {
-    centroids[model.label_names[m]] = m_to_mm * bar.centroids[m].total;
+  Json centroids = Json::object(), followed = Json::object();
+  for (std::size_t k = 0; k < asked.size(); ++k) {
+    (k < model.materials.size() ? centroids : followed)[asked[k].name] =
+        m_to_mm * bar.probes[k].total;
   }
   run.metric("error_centroids", centroids, "mm");
+  if (!probes.empty()) run.metric("error_probes", followed, "mm");
   log::info(
       "at rest the body is off by {:.3g} mm rms or less ({:.2g} % of its displacement): solver "
       "{:.2g}, element {:.2g}, mesh {:.2g}, support {:.2g} mm; {:.1f} s",

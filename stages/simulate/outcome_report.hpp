@@ -18,10 +18,15 @@ std::string ending(const Outcome& outcome);
 void apply_gates(StageRun& run, const sim::Model& model, const SceneFile& file,
                  const Outcome& outcome);
 
-// How far the body at rest is off (sim/error_bar.hpp), of a run that was solved with `options`;
-// where that is unknown, why. Takes seconds to minutes.
+// Where probes are at the end, and how far they have moved.
+void report_probes(StageRun& run, const sim::Model& model, const std::vector<sim::Probe>& probes,
+                   const Outcome& outcome);
+
+// How far the body at rest is off (sim/error_bar.hpp), the centroids of its labels and the probes,
+// of a run that was solved with `options`; where that is unknown, why. Takes seconds to minutes.
 void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& file,
-                      const Outcome& outcome, const sim::SolverOptions& options);
+                      const std::vector<sim::Probe>& probes, const Outcome& outcome,
+                      const sim::SolverOptions& options);
 
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome);
 

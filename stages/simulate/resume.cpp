@@ -19,9 +19,14 @@ constexpr const char* positions_name = "positions.f32";
 
 Json to_json(const ComputedFrame& f) {
   const auto& d = f.now;
-  return {f.index,     f.time_s,           d.kinetic,  d.elastic,    d.gravity,
-          d.volume,    d.volume_ratio,     d.min_j,    d.inverted,   d.max_speed,
-          d.rms_speed, d.max_displacement, f.contacts, f.state_hash, f.step_ms};
+  Json forces = Json::array(), probes = Json::array();
+  for (const auto& [force, moment] : f.forces) {
+    forces.push_back({force.x, force.y, force.z, moment.x, moment.y, moment.z});
+  }
+  for (const auto& u : f.probes) probes.push_back({u.x, u.y, u.z});
+  return {f.index,        f.time_s,     d.kinetic,  d.elastic,   d.gravity,   d.volume,
+          d.volume_ratio, d.min_j,      d.inverted, d.max_speed, d.rms_speed, d.max_displacement,
+          f.contacts,     f.state_hash, f.step_ms,  forces,      f.handed_on, probes};
 }
 
 ComputedFrame frame_from(const JsonValue& json) {
@@ -39,6 +44,12 @@ ComputedFrame frame_from(const JsonValue& json) {
   read(f.index), read(f.time_s), read(d.kinetic), read(d.elastic), read(d.gravity), read(d.volume);
   read(d.volume_ratio), read(d.min_j), read(d.inverted), read(d.max_speed), read(d.rms_speed);
   read(d.max_displacement), read(f.contacts), read(f.state_hash), read(f.step_ms);
+  const auto vector = [](const JsonValue& of, std::size_t k) {
+    return sim::Vec3<double>{of[k].number(), of[k + 1].number(), of[k + 2].number()};
+  };
+  for (const auto& of : json[i++].items()) f.forces.push_back({vector(of, 0), vector(of, 3)});
+  read(f.handed_on);
+  for (const auto& of : json[i].items()) f.probes.push_back(vector(of, 0));
   return f;
 }
 

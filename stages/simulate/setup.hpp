@@ -8,7 +8,7 @@
 #include "sim/model/model.hpp"
 #include "stages/mesh/tet_mesh.hpp"
 #include "stages/program/stage_main.hpp"
-#include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
 
 namespace viscera {
 

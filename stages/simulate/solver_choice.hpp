@@ -3,7 +3,7 @@
 
 #include "sim/make.hpp"
 #include "stages/program/stage_main.hpp"
-#include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
 
 namespace viscera {
 

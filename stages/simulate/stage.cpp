@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <chrono>
 #include <concepts>
-#include <fstream>
 #include <functional>
 
 #include "pipeline/base/atomic_file.hpp"
@@ -17,6 +16,7 @@
 #include "sim/measures/stability.hpp"
 #include "sim/model/locking.hpp"
 #include "sim/model/start.hpp"
+#include "sim/solvers/fem/quadratic_forces.hpp"
 #include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/xpbd/viscous_step.hpp"
 #include "stages/mesh/tet_io.hpp"
@@ -25,9 +25,10 @@
 #include "stages/simulate/frame_loop.hpp"
 #include "stages/simulate/gates.hpp"
 #include "stages/simulate/outcome_report.hpp"
+#include "stages/simulate/probes.hpp"
 #include "stages/simulate/resume.hpp"
-#include "stages/simulate/scene_file.hpp"
-#include "stages/simulate/schedule.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
+#include "stages/simulate/scene/schedule.hpp"
 #include "stages/simulate/setup.hpp"
 #include "stages/simulate/solver_choice.hpp"
 #include "stages/trajectory/trajectory_io.hpp"
@@ -48,32 +49,44 @@ constexpr double border_worth_a_word = 0.2;
 
 // metrics.csv: one row a frame, every column with its unit; no times of the machine, so that equal
 // runs give equal files.
-class MetricsFile {
- public:
-  explicit MetricsFile(const std::filesystem::path& path) : file_(path) {
-    file_ << "frame,time_s,kinetic_J,elastic_J,gravity_J,total_J,volume_ml,volume_ratio,min_J,"
-             "inverted,max_speed_m_s,rms_speed_m_s,contacts,state_hash\n";
+void write_metrics(const std::filesystem::path& path, const sim::Model& model,
+                   const std::vector<sim::Probe>& probes, const Outcome& outcome) {
+  std::string text =
+      "frame,time_s,kinetic_J,elastic_J,gravity_J,total_J,volume_ml,volume_ratio,min_J,"
+      "inverted,max_speed_m_s,rms_speed_m_s,contacts,state_hash";
+  for (const auto& name : outcome.exerting) {
+    for (const char axis : {'x', 'y', 'z'}) text += fmt::format(",force_{}_{}_N", name, axis);
+    for (const char axis : {'x', 'y', 'z'}) text += fmt::format(",moment_{}_{}_N_m", name, axis);
   }
-  void add(const ComputedFrame& f) {
+  if (!outcome.exerting.empty()) text += ",force_handed_on_N";
+  for (const auto& probe : probes) {
+    for (const char axis : {'x', 'y', 'z'})
+      text += fmt::format(",probe_{}_{}_mm", probe.name, axis);
+  }
+  text += '\n';
+  for (const ComputedFrame& f : outcome.frames) {
     const auto& d = f.now;
-    file_ << fmt::format(
-        "{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{},{:.6g},"
-        "{:.6g},{},{:016x}\n",
+    text += fmt::format(
+        "{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{},{:.6g},{:.6g},{},{:016x}",
         f.index, f.time_s, d.kinetic, d.elastic, d.gravity, d.total(), m3_to_ml * d.volume,
         d.volume_ratio, d.min_j, d.inverted, d.max_speed, d.rms_speed, f.contacts, f.state_hash);
-  }
-  void close(const std::filesystem::path& path) {
-    file_.close();
-    if (!file_) {
-      throw Error(ExitCode::usage, {.where = path.string(),
-                                    .found = "could not be written",
-                                    .remedy = "check the free space"});
+    for (const auto& [force, moment] : f.forces) {
+      text += fmt::format(",{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}", force.x, force.y, force.z,
+                          moment.x, moment.y, moment.z);
     }
+    if (!f.forces.empty()) {
+      text += fmt::format(",{:.6g}", f.handed_on);
+    } else if (!outcome.exerting.empty()) {
+      text += std::string(6 * outcome.exerting.size() + 1, ',');
+    }
+    for (std::size_t k = 0; k < probes.size(); ++k) {
+      const auto at = m_to_mm * (model.origin + probes[k].mean_of(model.rest) + f.probes[k]);
+      text += fmt::format(",{:.9g},{:.9g},{:.9g}", at.x, at.y, at.z);
+    }
+    text += '\n';
   }
-
- private:
-  std::ofstream file_;
-};
+  write_atomically(path, text);
+}
 
 // The scene's policy over all that the schedule brings; returns the assessment of its worst
 // setting.
@@ -177,6 +190,16 @@ void report_locking(StageRun& run, const sim::Model& model, sim::Element element
       is_smoothed ? "smoothed elements" : "linear tets", locking.poisson_ratio,
       m_to_mm * locking.cell, m_to_mm * locking.thickness, 100.0 * locking.loss,
       is_smoothed ? "" : "element: smoothed, ", sim::locking_from_nu);
+}
+
+// Where nothing says which forces act, they are not found.
+void check_forces(const StageRun& run, sim::Method method) {
+  if (method != sim::Method::pbd) return;
+  throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),
+                                     .field = "forces",
+                                     .found = "solver: pbd, whose constraints have no forces",
+                                     .allowed = "a solver whose forces are known",
+                                     .remedy = "solver: xpbd, or forces: false"});
 }
 
 // What whole tets leave of what the scene's effects select: said before the run, and first of all
@@ -300,10 +323,12 @@ class ExplicitWatch {
 
 void simulate(StageRun& run) {
   auto [file, mesh, model] = set_up(run);
+  const std::vector<sim::Probe> probes = read_probes(run, model);
   const Schedule schedule(file);
   const int asked_substeps = file.scene.time.substeps;
   const auto [options, why] = solver_choice(run, model, file.scene);
   const sim::Element element = report_element(run, file);
+  if (run.param<bool>("forces")) check_forces(run, options.method);
   report_scheme(run, options, why);
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
   report_stability(run, stability, file.scene, asked_substeps, options.method);
@@ -334,29 +359,27 @@ void simulate(StageRun& run) {
               file.scene.time.end_s);
   }
   TrajectoryWriter trajectory(run.out(""), mesh);
-  MetricsFile metrics(run.out("metrics.csv"));
   Resume resume(run, model.vertex_count(), file.scene.time);
   Outcome start = resume.find().value_or(Outcome{});
   for (std::size_t i = 0; i < start.frames.size(); ++i) {
     trajectory.append(start.frames[i].time_s, resume.positions(i));
-    metrics.add(start.frames[i]);
   }
   if (!start.frames.empty()) {
     log::info("goes on at t {:.3f} s, where it was interrupted", start.frames.back().time_s);
   }
   ExplicitWatch watch(model, file.scene);
-  std::function<std::string(const sim::State&)> objects;
-  if (options.method == sim::Method::tled) objects = std::ref(watch);
-  Outcome outcome = run_frames(
-      *solver, model, file.scene, schedule,
-      [&, &body = model](const ComputedFrame& frame, const sim::State& state) {
-        const std::vector<float> positions = positions_mm(body, state);
-        trajectory.append(frame.time_s, positions);
-        metrics.add(frame);
-        resume.add(positions);
-      },
-      [&](const Outcome& so_far) { resume.note(so_far); }, std::move(start), options.method,
-      objects);
+  FrameOptions frames{.kept = [&](const Outcome& so_far) { resume.note(so_far); },
+                      .method = options.method,
+                      .forces = run.param<bool>("forces"),
+                      .probes = probes};
+  frames.keep = [&, &body = model](const ComputedFrame& frame, const sim::State& state) {
+    const std::vector<float> positions = positions_mm(body, state);
+    trajectory.append(frame.time_s, positions);
+    resume.add(positions);
+  };
+  if (element == sim::Element::quadratic) frames.tissue = sim::quadratic_forces(model);
+  if (options.method == sim::Method::tled) frames.objects = std::ref(watch);
+  Outcome outcome = run_frames(*solver, model, file.scene, schedule, frames, std::move(start));
   if (outcome.frames.empty()) {
     const bool from_file = run.has_input("checkpoint");
     throw Error(from_file ? ExitCode::bad_input : ExitCode::diverged,
@@ -365,14 +388,15 @@ void simulate(StageRun& run) {
                  .found = outcome.divergence,
                  .allowed = "a state that a body can be in"});
   }
-  if (objects && !outcome.divergence.empty() && !watch.objected()) {
+  if (frames.objects && !outcome.divergence.empty() && !watch.objected()) {
     outcome.divergence += ", after " + watch.explain(outcome.last);
   }
   trajectory.finish();
   write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s());
-  metrics.close(run.out("metrics.csv"));
+  write_metrics(run.out("metrics.csv"), model, probes, outcome);
   report_outcome(run, model, file, schedule, outcome);
-  if (run.param<bool>("certify")) report_error_bar(run, model, file, outcome, options);
+  report_probes(run, model, probes, outcome);
+  if (run.param<bool>("certify")) report_error_bar(run, model, file, probes, outcome, options);
   if (!outcome.divergence.empty()) {
     report_divergence(run, model, outcome);
   } else {
@@ -402,6 +426,12 @@ std::vector<Param> params() {
                  .fallback = false,
                  .doc = "after the run, says how far the body at rest is off: solver, elements and "
                         "mesh, by finite elements of first and second order on the same mesh"});
+  all.push_back({.name = "forces",
+                 .type = ParamType::boolean,
+                 .fallback = false,
+                 .doc = "finds in every frame what supports, obstacles, springs, loads and gravity "
+                        "exert on the body: resultant and moment, in metrics.csv"});
+  all.push_back(probes_param());
   all.push_back({.name = "repeat",
                  .type = ParamType::integer,
                  .fallback = 1,
@@ -417,7 +447,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "13",
+           .version = "14",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},
@@ -448,6 +478,7 @@ const Stage& simulate_stage() {
       .check =
           [](const StageRun& run) {
             translated(run, [&run] {
+              check_probes(run);
               SceneFile file = scene_of(run, run.params().at("change"));
               sim::check_scene(file.scene);
               for (const auto& change : file.schedule) {

@@ -1,11 +1,8 @@
 #include "stages/tetmesh/read_request.hpp"
 
-#include <algorithm>
-#include <cctype>
-
-#include "pipeline/contract/label_name.hpp"
 #include "stages/image/image_io.hpp"
 #include "stages/mesh/surface_io.hpp"
+#include "stages/program/param_values.hpp"
 
 namespace viscera {
 namespace {
@@ -18,16 +15,7 @@ Choice choice(const StageRun& run, const char* param,
 
 RegionRequest read_region(const std::string& name, const Json& given) {
   const std::string prefix = "regions." + name + ".";
-  // It names an array of a file, where VTK does not write every letter.
-  const auto is_plain = [](char c) {
-    return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-' || c == '.';
-  };
-  if (name.empty() || name.size() > max_label_name || !std::ranges::all_of(name, is_plain)) {
-    throw Error(ExitCode::bad_config, {.where = "parameters",
-                                       .field = "regions",
-                                       .found = "a region named '" + name + "'",
-                                       .allowed = "letters, digits, _ - and ., at most 100"});
-  }
+  check_plain_name(name, "regions", "region");  // it names an array of a file
   if (!given.is_object()) {
     throw Error(ExitCode::bad_config, {.where = "parameters",
                                        .field = "regions." + name,
@@ -39,21 +27,7 @@ RegionRequest read_region(const std::string& name, const Json& given) {
                                {.name = "box_lo", .type = ParamType::list, .fallback = nullptr},
                                {.name = "box_hi", .type = ParamType::list, .fallback = nullptr}},
                               given, "parameters", prefix);
-  const auto corner = [&](const char* key) {
-    const Param coordinate = quantity(key, nullptr, "mm", -1e6, 1e6, "");
-    const Json& list = values.at(key);
-    if (list.size() != 3) {
-      throw Error(ExitCode::bad_config,
-                  {.where = "parameters",
-                   .field = prefix + key,
-                   .found = list.is_null() ? "nothing" : list.dump(),
-                   .allowed = "three coordinates, as [0 mm, -40 mm, 870 mm]"});
-    }
-    Vec place;
-    for (std::size_t a = 0; a < 3; ++a)
-      place[a] = resolve_required(coordinate, list[a], "parameters", prefix + key).get<double>();
-    return place;
-  };
+  const auto corner = [&](const char* key) { return read_place(values.at(key), prefix + key); };
   RegionRequest region{
       .name = name, .side = values.at("side").get<std::string>(), .box = std::nullopt};
   if (values.at("within").is_null() != region.side.empty()) {

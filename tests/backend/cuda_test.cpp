@@ -13,7 +13,7 @@
 #include "sim/measures/stability.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
-#include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
 #include "tests/backend/host_blocks.hpp"
 #include "tests/sim/effects/flap.hpp"
 #include "tests/sim/loaded_bodies.hpp"

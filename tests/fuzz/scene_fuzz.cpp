@@ -1,6 +1,6 @@
 // Scenes under libFuzzer: whatever the file says, the simulation reads it or throws Error, and what
 // was read can be written down for the report.
-#include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
 #include "tests/fuzz/fuzz_file.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {

@@ -60,7 +60,7 @@ struct Swing {
       sim::Solver& solver, const Keep& keep = [](const ComputedFrame&, const sim::State&) {}) {
     sim::Model own = model;
     sim::Scene scene = file.scene;
-    return run_frames(solver, own, scene, Schedule(file), keep);
+    return run_frames(solver, own, scene, Schedule(file), {.keep = keep});
   }
   Outcome run_here() { return run(*sim::make_on_cpu(model, file.scene, {.threads = 1})); }
 };

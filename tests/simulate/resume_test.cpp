@@ -92,8 +92,9 @@ const std::string slow_scene =
 TEST_F(Resumed, ARunGoesOnToTheSameBitsAsOneThatNobodyStopped) {
   for (const std::string solver : {"xpbd", "tled", "fem"}) {
     const bool implicit = solver == "fem";
-    const std::vector<std::string> extra = {"--set", "solver=" + solver, "--set",
-                                            implicit ? "substeps=4" : "substeps=2000"};
+    const std::vector<std::string> extra = {"--set", "solver=" + solver,
+                                            "--set", implicit ? "substeps=4" : "substeps=2000",
+                                            "--set", "forces=true"};
     interrupt(extra, timed(slow_scene, extra));
     ASSERT_EQ(run(slow_scene, with_scratch(extra), solver), 0) << errors;
     EXPECT_NE(errors.find("goes on at t"), std::string::npos) << errors;

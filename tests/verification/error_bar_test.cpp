@@ -35,16 +35,18 @@ TEST(ErrorBar, OfABentBarIsNoLessThanTheTrueErrorAndAtMostThreeTimesAsMuch) {
   for (const bool smoothed : {false, true}) {
     const Scene scene = held_scene(smoothed);
     const State end = equilibrium(model, scene, 1);
-    const ErrorBar bar = error_bar(model, scene, end, 1, [] {});
+    const std::vector<Probe> centroid = {probe_of_centroid(model, "body", 0)};
+    const ErrorBar bar = error_bar(
+        model, scene, end, 1, [] {}, centroid);
     ASSERT_EQ(bar.unknown, "");
     const double found = off(model, end.u, truth);
     EXPECT_GT(found, 0.03 * bar.size) << "a coarse bar has an error to find";
     EXPECT_GE(bar.displacement.total, found) << smoothed;
     EXPECT_LE(bar.displacement.total, 3.0 * found) << smoothed;
     EXPECT_LT(bar.displacement.solver, 1e-3 * bar.size);
-    ASSERT_EQ(bar.centroids.size(), 1u);
-    EXPECT_GT(bar.centroids[0].total, 0.0);
-    EXPECT_LT(bar.centroids[0].total, bar.displacement.total + bar.largest);
+    ASSERT_EQ(bar.probes.size(), 1u);
+    EXPECT_GT(bar.probes[0].total, 0.0);
+    EXPECT_LT(bar.probes[0].total, bar.displacement.total + bar.largest);
     EXPECT_GE(bar.largest, bar.displacement.element);
   }
 }

@@ -1,10 +1,11 @@
 // A rigid sphere pressed into an elastic block, against Hertz: the work is
-// W = 8/15 E* sqrt(R) delta^(5/2), E* = E / (1 - nu^2), on a half-space. On a layer of depth H that
-// is held below, the force is larger by 1 - 2 a0/pi c + 4 a0^2/pi^2 c^2 with c = sqrt(R delta) / H
-// and a0 = -(1.2876 - 1.4678 nu + 1.3442 nu^2) / (1 - nu) (Dimitriadis et al., Biophysical Journal
-// 82, 2002, equation 12, to second order).
+// W = 8/15 E* sqrt(R) delta^(5/2) and the force its derivative, E* = E / (1 - nu^2), on a
+// half-space. On a layer of depth H that is held below, the force is larger by 1 - 2 a0/pi c + 4
+// a0^2/pi^2 c^2 with c = sqrt(R delta) / H and a0 = -(1.2876 - 1.4678 nu + 1.3442 nu^2) / (1 - nu)
+// (Dimitriadis et al., Biophysical Journal 82, 2002, equation 12, to second order).
 #include <gtest/gtest.h>
 
+#include "sim/measures/reactions.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -73,6 +74,14 @@ TEST(Hertz, ASpherePressedIntoABlockDoesTheWorkOfTheClosedForm) {
   RecordProperty("work_over_hertz", std::to_string(work / (half_space * layer)));
   EXPECT_GT(solver->contact_count(), 30u);
   EXPECT_NEAR(work / (half_space * layer), 1.0, 0.05);
+
+  const double hertz = 4.0 / 3.0 * modulus * std::sqrt(radius) * std::pow(press, 1.5);
+  const Reactions reactions(model, scene);
+  const auto found = reactions.at(FrameMotion::between(state, state, state, 1.0));
+  ASSERT_EQ(reactions.names(), (std::vector<std::string>{"sphere", "held", "remainder"}));
+  const double force = -found.of[0].force.z / (hertz * (1.0 + q + q * q));
+  RecordProperty("force_over_hertz", std::to_string(force));
+  EXPECT_NEAR(force, 1.0, 0.05);
 }
 
 }  // namespace

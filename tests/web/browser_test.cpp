@@ -124,6 +124,18 @@ TEST_F(Web, TheMeshIsDrawnMovesAndFollowsThemeAndField) {
   EXPECT_EQ(browser_.console(), "");
 }
 
+// A force by its size, a probe by its way from where it was at the start.
+TEST_F(Web, TheChartsShowForcesAndProbes) {
+  make_whole_report();
+  const std::string document = browser_.document(address("t=0"), width, height);
+  EXPECT_NE(
+      document.find("Force on the body, by what exerts it against time: ground ends at 13&nbsp;N"),
+      std::string::npos);
+  EXPECT_NE(document.find("How far probes have moved against time: tip ends at "),
+            std::string::npos);
+  EXPECT_EQ(document.find("probe tip x"), std::string::npos) << "a component has a plot";
+}
+
 TEST_F(Web, PlayingReachesTheEndWithEverythingOn) {
   make_whole_report();
   const std::string document =

@@ -66,7 +66,8 @@ std::vector<float> positions_at(const TetMesh& mesh, double t) {
 std::string metrics_csv(int frames) {
   std::string csv =
       "frame,time_s,kinetic_J,elastic_J,gravity_J,total_J,volume_ml,volume_ratio,min_J,inverted,"
-      "max_speed_m_s,rms_speed_m_s,contacts,state_hash\n";
+      "max_speed_m_s,rms_speed_m_s,contacts,state_hash,force_ground_x_N,force_ground_y_N,"
+      "force_ground_z_N,probe_tip_x_mm,probe_tip_y_mm,probe_tip_z_mm\n";
   for (int i = 0; i < frames; ++i) {
     const double t = i * frame_time, dt = 1e-4;
     const Pose a = pose_at(t), b = pose_at(t + dt);
@@ -77,11 +78,11 @@ std::string metrics_csv(int frames) {
     const double ratio = 1.0 - 0.02 * (1.0 - a.height);
     csv += fmt::format(
         "{},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},0,{:.6g},{:.6g},"
-        "{},{:016x}\n",
+        "{},{:016x},{},30,20,{:.6g}\n",
         i, t, kinetic, elastic, gravity, kinetic + elastic + gravity, 1759.0 * ratio, ratio,
         1.0 - 1.5 * (1.0 - a.height), speed, 0.6 * speed,
         a.drop < fall ? 0 : static_cast<int>(900.0 * (1.2 - a.height)),
-        0x9e3779b97f4a7c15ull * (i + 1u));
+        0x9e3779b97f4a7c15ull * (i + 1u), i == 0 ? ",," : "3,4,12", 10.0 - a.drop);
   }
   return csv;
 }

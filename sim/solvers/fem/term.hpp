@@ -3,7 +3,6 @@
 #pragma once
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 
 #include "sim/effects/effect.hpp"
@@ -103,6 +102,9 @@ class FemTerm {
   virtual void load_history(std::span<const double>&) {}
 };
 
+// Sets the negative eigenvalues of a symmetric matrix [n x n] to zero.
+void clip_negative(double* symmetric, int n);
+
 // Negative eigenvalues are set to zero; where there is none but for rounding, as Cholesky tells at
 // a tenth of the cost, nothing is changed.
 template <int n>
@@ -110,10 +112,7 @@ void make_definite(Eigen::Matrix<double, n, n>& symmetric) {
   const double rounding = 1e-12 * symmetric.trace();
   Eigen::Matrix<double, n, n> lifted = symmetric;
   lifted.diagonal().array() += rounding;
-  if (lifted.llt().info() == Eigen::Success) return;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, n, n>> eigen(symmetric);
-  symmetric = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() *
-              eigen.eigenvectors().transpose();
+  if (lifted.llt().info() != Eigen::Success) clip_negative(symmetric.data(), n);
 }
 
 }  // namespace viscera::sim

@@ -10,7 +10,17 @@ const timePlots = [
   {title: "Volume over volume at rest", unit: "1", columns: {volume_ratio: "whole body"}},
   {title: "Smallest volume ratio of any tet", unit: "1", columns: {min_J: "min J"}},
   {title: "Points in contact", unit: "1", columns: {contacts: "contacts"}},
+  {title: "Force that the solver's error leaves, handed on", unit: "N",
+   columns: {force_handed_on_N: "handed on"}},
   {title: "Inverted tets", unit: "1", columns: {inverted: "inverted"}, onlyIfNonZero: true},
+];
+// Columns of three components each, by what exerts them; plotted by their sizes.
+const vectorPlots = [
+  {title: "Force on the body, by what exerts it", unit: "N", column: /^force_(.+)_([xyz])_N$/},
+  {title: "Moment about the centre of mass at rest", unit: "N m",
+   column: /^moment_(.+)_([xyz])_N_m$/},
+  {title: "How far probes have moved", unit: "mm", column: /^probe_(.+)_([xyz])_mm$/,
+   fromStart: true},
 ];
 const notPlotted = new Set(["frame", "time_s", "volume_ml"]);
 
@@ -20,16 +30,37 @@ function css(name) {
 
 // The unit that a column's name ends with, and the name without it.
 function splitUnit(column) {
-  const units = [["_m_s2", "m/s²"], ["_m_s", "m/s"], ["_kPa", "kPa"], ["_Pa", "Pa"], ["_ml", "ml"],
+  const units = [["_m_s2", "m/s²"], ["_m_s", "m/s"], ["_N_m", "N m"], ["_kPa", "kPa"], ["_Pa", "Pa"], ["_ml", "ml"],
                  ["_mm", "mm"], ["_ms", "ms"], ["_J", "J"], ["_N", "N"], ["_s", "s"]];
   const found = units.find(([suffix]) => column.endsWith(suffix));
   return found ? [column.slice(0, -found[0].length), found[1]] : [column, "1"];
 }
 
-function plotsFor(series) {
-  const known = new Set(timePlots.flatMap(plot => Object.keys(plot.columns)));
+// The series with the sizes of its vectors in place of their components, and a plot of each kind.
+function sizesOfVectors(series) {
+  const plots = [], scalars = {...series};
+  for (const {title, unit, column, fromStart} of vectorPlots) {
+    const columns = {};
+    for (const name of Object.keys(series).filter(name => column.test(name))) {
+      const of = name.match(column)[1], size = title + ": " + of;
+      if (!(size in columns)) {
+        const parts = ["x", "y", "z"].map(axis => series[name.replace(/_[xyz]_/, "_" + axis + "_")]);
+        scalars[size] = parts[0].map((_, k) => parts.some(part => part[k] === null) ? null
+          : Math.hypot(...parts.map(part => part[k] - (fromStart ? part[0] : 0))));
+        columns[size] = viscera.words(of);
+      }
+      delete scalars[name];
+    }
+    plots.push({title, unit, columns});
+  }
+  return {series: scalars, plots};
+}
+
+function plotsFor(series, vectors) {
+  const named = timePlots.concat(vectors);
+  const known = new Set(named.flatMap(plot => Object.keys(plot.columns)));
   const further = Object.keys(series).filter(name => !known.has(name) && !notPlotted.has(name));
-  const plots = timePlots.concat(further.map(name => {
+  const plots = named.concat(further.map(name => {
     const [words, unit] = splitUnit(name);
     return {title: viscera.words(words), unit, columns: {[name]: viscera.words(words)}};
   }));
@@ -121,9 +152,9 @@ function lineChart(canvas, plot, times, series, time, rest, seek) {
 }
 
 // `clock`: {time(), rest(), seek(t)}.
-viscera.timeCharts = function (parent, series, clock) {
-  const times = series.time_s;
-  return plotsFor(series).map(plot => {
+viscera.timeCharts = function (parent, columns, clock) {
+  const {series, plots} = sizesOfVectors(columns), times = series.time_s;
+  return plotsFor(series, plots).map(plot => {
     const last = plot.present.map(name => plot.columns[name] + " ends at " +
       viscera.quantity(series[name].filter(v => v !== null).pop(), plot.unit)).join(", ");
     const canvas = frameFor(parent, plot.title, plot.unit, plot.title + " against time: " + last);

@@ -1,4 +1,4 @@
-#include "stages/simulate/scene_change.hpp"
+#include "stages/simulate/scene/scene_change.hpp"
 
 #include "pipeline/base/error.hpp"
 

@@ -1,4 +1,4 @@
-#include "stages/simulate/schedule.hpp"
+#include "stages/simulate/scene/schedule.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/yaml_file.hpp"
 #include "stages/mesh/material_params.hpp"
-#include "stages/simulate/scene_change.hpp"
+#include "stages/simulate/scene/scene_change.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;

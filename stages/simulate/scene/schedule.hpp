@@ -2,7 +2,7 @@
 #pragma once
 
 #include "sim/model/model.hpp"
-#include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
 
 namespace viscera {
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "sim/measures/stability.hpp"
-#include "stages/simulate/scene_file.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
 
 namespace viscera {
 namespace {

@@ -1,0 +1,276 @@
+#include "sim/measures/reactions.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+#include "sim/base/refusal.hpp"
+#include "sim/measures/element_forces.hpp"
+
+namespace viscera::sim {
+namespace {
+
+// Of the body's size: far above what rounding and the last substep leave between a vertex and what
+// it lies on, far below an edge.
+constexpr double touching = 1e-4;
+
+// An element that acts from outside: a load, or what ties one vertex to a place of its own.
+template <class Effect>
+constexpr bool is_outer = [] {
+  if constexpr (Effect::kind == EffectKind::element) return is_load<Effect> || Effect::arity == 1;
+  return false;
+}();
+
+// Whether an effect has a row of its own.
+template <class Effect>
+constexpr bool has_resultant =
+    Effect::kind == EffectKind::force || Effect::kind == EffectKind::motion ||
+    Effect::kind == EffectKind::contact || is_outer<Effect>;
+
+FrameMotion motion_of(const State& of, const State& first, const State& second, const State& third,
+                      const State& from, const State& to, double apart, double frame_s) {
+  const std::size_t n = of.u.size();
+  FrameMotion motion{.state = &of, .velocity = VertexField(n), .acceleration = VertexField(n)};
+  for (std::size_t i = 0; i < n; ++i) {
+    motion.velocity[i] = (1.0 / apart) * (to.u[i] - from.u[i]);
+    motion.acceleration[i] =
+        (1.0 / (frame_s * frame_s)) * ((third.u[i] - second.u[i]) - (second.u[i] - first.u[i]));
+  }
+  return motion;
+}
+
+// Each once, with the stiffness that the tets around it give it.
+template <class Edge>
+std::vector<Edge> weighted_edges(const Model& model) {
+  std::vector<Edge> all;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    const double stiffness = model.material(t).youngs_modulus * model.volume[t];
+    for (int i = 0; i < 4; ++i) {
+      for (int j = 0; j < i; ++j) {
+        const auto [a, b] = std::minmax(model.tets[t][i], model.tets[t][j]);
+        const Vec3<double> way = model.rest[a] - model.rest[b];
+        all.push_back({a, b, stiffness / dot(way, way)});
+      }
+    }
+  }
+  std::ranges::stable_sort(all, {}, [](const Edge& edge) { return std::pair(edge.a, edge.b); });
+  std::vector<Edge> once;
+  for (const Edge& edge : all) {
+    if (!once.empty() && once.back().a == edge.a && once.back().b == edge.b) {
+      once.back().weight += edge.weight;
+    } else {
+      once.push_back(edge);
+    }
+  }
+  return once;
+}
+
+}  // namespace
+
+FrameMotion FrameMotion::between(const State& before, const State& now, const State& after,
+                                 double frame_s) {
+  return motion_of(now, before, now, after, before, after, 2.0 * frame_s, frame_s);
+}
+
+FrameMotion FrameMotion::at_end(const State& first, const State& before, const State& now,
+                                double frame_s) {
+  return motion_of(now, first, before, now, before, now, frame_s, frame_s);
+}
+
+Reactions::Reactions(const Model& model, const Scene& scene, ForcesOfTissue tissue)
+    : model_(model),
+      dt_(scene.time.substep_s()),
+      edges_(weighted_edges<Edge>(model)),
+      piece_(model.vertex_count()),
+      hands_on_(!scene.has<SelfContact>()),
+      holder_(model.vertex_count(), -1),
+      tissue_(std::move(tissue)),
+      reach_(touching * model.size()) {
+  std::iota(piece_.begin(), piece_.end(), 0);
+  for (bool changes = true; changes;) {
+    changes = false;
+    for (const auto& [a, b, weight] : edges_) {
+      const int first = std::min(piece_[a], piece_[b]);
+      changes |= piece_[a] != first || piece_[b] != first;
+      piece_[a] = piece_[b] = first;
+    }
+  }
+  double mass = 0.0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    about_ += model.mass[i] * model.rest[i];
+    mass += model.mass[i];
+  }
+  about_ *= 1.0 / mass;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    const auto& all = std::get<i>(scene.effects);
+    if constexpr (Effect::kind == EffectKind::region) {
+      if (all.empty()) return;
+      throw Refusal(Refusal::Cause::scene, std::string("effects.") + Effect::name, "named",
+                    "effects that have a law of force",
+                    "forces: false, or another effect in its place");
+    } else if constexpr (Effect::kind != EffectKind::self_contact) {
+      for (std::size_t k = 0; k < all.size(); ++k) {
+        std::get<i>(on_).emplace_back(model, all[k], dt_);
+        if constexpr (!has_resultant<Effect>) continue;
+        if constexpr (Effect::kind == EffectKind::motion) {
+          for (const int v : std::get<i>(on_).back().vertices)
+            holder_[v] = static_cast<int>(names_.size());
+        }
+        names_.push_back(all.size() == 1 ? std::string(Effect::name)
+                                         : std::string(Effect::name) + "." + std::to_string(k + 1));
+      }
+    }
+  });
+  for (std::size_t v = 0; v < holder_.size(); ++v) {
+    if (!model.fixed[v] || holder_[v] >= 0) continue;
+    holder_[v] = static_cast<int>(names_.size());
+  }
+  if (std::ranges::count(holder_, static_cast<int>(names_.size())) > 0)
+    names_.emplace_back(model_held);
+  names_.emplace_back(remainder);
+}
+
+double Reactions::weight() const {
+  Vec3<double> sum;
+  for_each_slot<EffectKind::force>(on_, [&]<class Effect>(const auto& force) {
+    if constexpr (std::is_same_v<Effect, Gravity>) {
+      for (const double m : model_.mass) sum += m * force.device.acceleration;
+    }
+  });
+  return norm(sum);
+}
+
+// Conjugate gradients, preconditioned by the diagonal.
+std::vector<double> Reactions::shares(int name, const std::vector<int>& by) const {
+  constexpr double enough = 1e-8;
+  const std::size_t n = by.size();
+  std::vector<double> x(n, 0.0), r(n, 0.0), z(n), p(n, 0.0), q(n), diagonal(n, 0.0);
+  // From where it ends wherever nothing else holds a piece of the body.
+  std::vector<char> its(n, 0), another(n, 0);  // of pieces
+  for (std::size_t v = 0; v < n; ++v) {
+    if (by[v] >= 0) (by[v] == name ? its : another)[piece_[v]] = 1;
+  }
+  for (std::size_t v = 0; v < n; ++v) {
+    x[v] = by[v] >= 0 ? by[v] == name : its[piece_[v]] && !another[piece_[v]];
+  }
+  for (const auto& [a, b, weight] : edges_) {
+    diagonal[a] += weight, diagonal[b] += weight;
+    if (by[a] < 0) r[a] += weight * (x[b] - x[a]);
+    if (by[b] < 0) r[b] += weight * (x[a] - x[b]);
+  }
+  double old = 1.0, first = 0.0;
+  for (std::size_t round = 0; round < n; ++round) {
+    double rz = 0.0;
+    for (std::size_t v = 0; v < n; ++v) z[v] = by[v] < 0 ? r[v] / diagonal[v] : 0.0;
+    for (std::size_t v = 0; v < n; ++v) rz += r[v] * z[v];
+    if (round == 0) first = rz;
+    if (!(rz > enough * enough * first)) break;
+    for (std::size_t v = 0; v < n; ++v) p[v] = z[v] + (round == 0 ? 0.0 : rz / old) * p[v];
+    for (std::size_t v = 0; v < n; ++v) q[v] = diagonal[v] * p[v];
+    for (const auto& [a, b, weight] : edges_) q[a] -= weight * p[b], q[b] -= weight * p[a];
+    double pq = 0.0;
+    for (std::size_t v = 0; v < n; ++v) pq += by[v] < 0 ? p[v] * q[v] : 0.0;
+    const double step = rz / pq;
+    for (std::size_t v = 0; v < n; ++v) {
+      if (by[v] < 0) x[v] += step * p[v], r[v] -= step * q[v];
+    }
+    old = rz;
+  }
+  return x;
+}
+
+Reactions::Found Reactions::at(const FrameMotion& motion) const {
+  const std::size_t n = model_.vertex_count();
+  const State& state = *motion.state;
+  const double time = static_cast<double>(state.step) * dt_;
+  Found found{.of = std::vector<Resultant>(names_.size()), .contact = VertexField(n)};
+  VertexField& lacking = found.contact;  // m a, less all that is known to act
+  const auto add = [&](std::size_t name, std::size_t vertex, const Vec3<double>& force) {
+    Resultant& sum = found.of[name];
+    sum.force += force;
+    sum.moment += cross(model_.rest[vertex] + state.u[vertex] - about_, force);
+  };
+  for (std::size_t i = 0; i < n; ++i) lacking[i] = model_.mass[i] * motion.acceleration[i];
+
+  VertexField moved(n);  // over a substep
+  for (std::size_t i = 0; i < n; ++i) moved[i] = dt_ * motion.velocity[i];
+  const auto known = history_of_elements(on_, state);
+  auto history = known.value_or(std::span<const double>());
+  std::size_t name = 0;
+  struct Obstacle {
+    std::size_t name;
+    // m, by which a vertex is led out of it that is moved by a step
+    std::function<Vec3<double>(std::size_t, const Vec3<double>&)> push;
+  };
+  std::vector<Obstacle> obstacles;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    for (const auto& slot : std::get<i>(on_)) {
+      if constexpr (Effect::kind == EffectKind::force) {
+        for (std::size_t v = 0; v < n; ++v) {
+          const Vec3<double> force =
+              model_.mass[v] *
+              Effect::acceleration(slot.device, model_.rest[v], state.u[v], motion.velocity[v]);
+          lacking[v] -= force;
+          add(name, v, force);
+        }
+      } else if constexpr (Effect::kind == EffectKind::element) {
+        if constexpr (history_of < Effect >> 0) {
+          if (!known) return;  // quasi-static: no branch acts
+        }
+        VertexField forces(n);
+        if (std::is_same_v<Effect, NeoHookean> && tissue_) {
+          forces = tissue_(model_, state);
+        } else {
+          add_forces<Effect>(slot, history, state.u, needs_rate<Effect> ? moved : VertexField{},
+                             forces);
+        }
+        if constexpr (history_of < Effect >> 0)
+          history = history.subspan(slot.vertices.size() * history_of<Effect>);
+        for (std::size_t v = 0; v < n; ++v) {
+          lacking[v] -= forces[v];
+          if constexpr (is_outer<Effect>) add(name, v, forces[v]);
+        }
+      } else if constexpr (Effect::kind == EffectKind::contact) {
+        obstacles.push_back({name, [&](std::size_t v, const Vec3<double>& step) {
+                               return Effect::push(slot.device, Step<double>{0.0, time},
+                                                   model_.rest[v], state.u[v], step);
+                             }});
+      }
+      if constexpr (has_resultant<Effect>) ++name;
+    }
+  });
+
+  std::vector<int> by = holder_;
+  std::vector<char> holds(names_.size(), 0);
+  for (std::size_t v = 0; v < n; ++v) {
+    const double size = norm(lacking[v]);
+    if (by[v] < 0 && size > 0.0) {
+      double deepest = 0.0;
+      for (const Obstacle& obstacle : obstacles) {
+        const double depth = norm(obstacle.push(v, (-reach_ / size) * lacking[v]));
+        if (depth > deepest) deepest = depth, by[v] = static_cast<int>(obstacle.name);
+      }
+    }
+    if (by[v] < 0) continue;
+    holds[static_cast<std::size_t>(by[v])] = 1;
+    add(static_cast<std::size_t>(by[v]), v, lacking[v]);
+  }
+  std::vector<double> left(n, 1.0);  // of each vertex, that nothing takes over
+  Vec3<double> handed_on;
+  for (std::size_t k = 0; k < names_.size(); ++k) {
+    if (!holds[k] || !hands_on_) continue;
+    const auto share = shares(static_cast<int>(k), by);
+    for (std::size_t v = 0; v < n; ++v) {
+      if (by[v] >= 0) continue;
+      left[v] -= share[v];
+      handed_on += share[v] * lacking[v];
+      add(k, v, share[v] * lacking[v]);
+    }
+  }
+  for (std::size_t v = 0; v < n; ++v) {
+    if (by[v] < 0) add(names_.size() - 1, v, left[v] * lacking[v]);
+  }
+  found.handed_on = norm(handed_on);
+  return found;
+}
+
+}  // namespace viscera::sim

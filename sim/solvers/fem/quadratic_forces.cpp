@@ -1,0 +1,43 @@
+#include "sim/solvers/fem/quadratic_forces.hpp"
+
+#include <memory>
+
+#include "sim/solvers/fem/neo_hookean.hpp"
+
+namespace viscera::sim {
+namespace {
+
+struct Tissue {
+  FemMesh mesh;
+  NeoHookeanTerm<10> term;
+
+  explicit Tissue(const Model& model) : mesh(model, 2), term(model, mesh) {}
+};
+
+}  // namespace
+
+std::function<std::vector<Vec3<double>>(const Model&, const State&)> quadratic_forces(
+    const Model& model) {
+  return [tissue = std::make_shared<Tissue>(model)](const Model& now, const State& state) {
+    const std::size_t vertices = now.vertex_count();
+    tissue->term.retune(now);
+    const FemMesh& mesh = tissue->mesh;
+    NodeField u = mesh.on_nodes(state.u);
+    // Midside nodes stand at the front of the history (fem.cpp).
+    for (std::size_t m = 0; 3 * (m + 1) <= state.history.size() && vertices + m < u.size(); ++m) {
+      const double* at = &state.history[3 * m];
+      u[vertices + m] = {at[0], at[1], at[2]};
+    }
+    const NodeField still(u.size());
+    FemForces forces(u.size());
+    tissue->term.add_forces({u, still, {1.0, 0.0}}, forces);
+    std::vector<Vec3<double>> by_vertex(forces.sum.begin(),
+                                        forces.sum.begin() + static_cast<std::ptrdiff_t>(vertices));
+    for (std::size_t m = 0; m < mesh.parents.size(); ++m) {
+      for (const int end : mesh.parents[m]) by_vertex[end] += 0.5 * forces.sum[vertices + m];
+    }
+    return by_vertex;
+  };
+}
+
+}  // namespace viscera::sim

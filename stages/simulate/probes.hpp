@@ -1,0 +1,21 @@
+// Points and centroids that a run is to follow, as its parameter `probes` names them.
+#pragma once
+
+#include <vector>
+
+#include "sim/model/probe.hpp"
+#include "stages/program/stage_main.hpp"
+
+namespace viscera {
+
+// The parameter: {tip: {point: [10 mm, -4 mm, 870 mm]}, lump: {centroid: tumour}}.
+Param probes_param();
+
+// Throws Error(bad_config) for what names no probe, whatever the body.
+void check_probes(const StageRun& run);
+
+// The probes of a body. Throws Error(bad_config) for a label that it does not have, and
+// sim::Refusal for a point outside of it.
+std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model);
+
+}  // namespace viscera

@@ -1,0 +1,229 @@
+// Which forces act on a body from outside, and what exerts them.
+#include "sim/measures/reactions.hpp"
+
+#include <gtest/gtest.h>
+
+#include "sim/element_choice.hpp"
+#include "sim/make.hpp"
+#include "sim/solvers/fem/quadratic_forces.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+State still(const Model& model) {
+  return {std::vector<Vec3<double>>(model.vertex_count()),
+          std::vector<Vec3<double>>(model.vertex_count()), 0};
+}
+
+Reactions::Found at_rest(const Reactions& reactions, const State& state) {
+  return reactions.at(FrameMotion::between(state, state, state, 1.0));
+}
+
+Resultant of(const Reactions& reactions, const Reactions::Found& found, const std::string& name) {
+  const auto at = std::ranges::find(reactions.names(), name);
+  EXPECT_NE(at, reactions.names().end()) << name;
+  return found.of.at(static_cast<std::size_t>(at - reactions.names().begin()));
+}
+
+Vec3<double> sum_of(const Reactions::Found& found) {
+  Vec3<double> sum;
+  for (const auto& one : found.of) sum += one.force;
+  return sum;
+}
+
+State newton(const Model& model, const Scene& scene, int order = 1) {
+  SolverOptions options{.method = Method::fem};
+  options.fem.order = order;
+  options.fem.time = FemOptions::Time::quasi_static;
+  options.fem.tolerance = 1e-10;
+  const auto solver = make_on_cpu(model, scene, options);
+  solver->advance_frame();
+  return solver->state();
+}
+
+Scene held_scene() {
+  Scene scene = elastic_scene();
+  scene.params<Gravity>().emplace_back();
+  scene.params<Fixed>().emplace_back().side = "left";
+  return scene;
+}
+
+TEST(Reactions, AFallingBodyHasItsWeightAlone) {
+  const Model model = make_cube(2);
+  const Scene scene = drop_scene();
+  const Reactions reactions(model, scene);
+  const double g = scene.params<Gravity>()[0].acceleration, frame_s = scene.time.frame_s;
+  State first = still(model), second = first, third = first;
+  for (auto& u : second.u) u.z = -0.5 * g * frame_s * frame_s;
+  for (auto& u : third.u) u.z = -2.0 * g * frame_s * frame_s;
+  for (const auto& motion : {FrameMotion::between(first, second, third, frame_s),
+                             FrameMotion::at_end(first, second, third, frame_s)}) {
+    const auto found = reactions.at(motion);
+    EXPECT_NEAR(of(reactions, found, "gravity").force.z, -reactions.weight(), 1e-12);
+    EXPECT_NEAR(norm(of(reactions, found, "gravity").moment), 0.0, 1e-12);
+    EXPECT_NEAR(norm(of(reactions, found, "ground").force), 0.0, 1e-10);
+    EXPECT_NEAR(norm(of(reactions, found, Reactions::remainder).force), 0.0, 1e-10);
+  }
+}
+
+TEST(Reactions, ASupportCarriesTheWeightAndItsMoment) {
+  const Model model = make_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
+  for (const Element element : {Element::linear, Element::smoothed, Element::quadratic}) {
+    Scene scene = held_scene();
+    set_element(scene.effects, element);
+    const bool is_quadratic = element == Element::quadratic;
+    const State state = newton(model, scene, is_quadratic ? 2 : 1);
+    const Reactions reactions(model, scene,
+                              is_quadratic ? quadratic_forces(model) : Reactions::ForcesOfTissue());
+    const auto found = at_rest(reactions, state);
+    const double weight = reactions.weight();
+    const auto [force, moment] = of(reactions, found, "fixed");
+    EXPECT_NEAR(force.z, weight, 1e-7 * weight);
+    EXPECT_NEAR(force.x, 0.0, 1e-7 * weight);
+    EXPECT_NEAR(norm(of(reactions, found, Reactions::remainder).force), 0.0, 1e-7 * weight);
+    // Moments of all forces cancel, those of internal ones too; of quadratic tets on straight
+    // edges.
+    Vec3<double> sum;
+    for (const auto& one : found.of) sum += one.moment;
+    EXPECT_NEAR(norm(sum), 0.0, (is_quadratic ? 1e-2 : 1e-6) * weight * 0.05);
+    EXPECT_GT(norm(moment), 0.3 * weight * 0.05);
+  }
+}
+
+// sigma = (lambda + 2 mu) strain in a cube that is stretched and cannot contract across.
+TEST(Reactions, AStretchedCubePullsAtItsSupportsWithItsStress) {
+  constexpr double strain = 1e-6, edge = 0.05;
+  const Model model = make_cube(3);
+  Scene scene = elastic_scene();
+  scene.params<Fixed>().emplace_back().side = "inferior";
+  auto lid = sample_params<Prescribed>();
+  lid.side = "superior";
+  scene.params<Prescribed>() = {lid};
+  State state = still(model);
+  for (std::size_t i = 0; i < model.vertex_count(); ++i)
+    state.u[i].z = strain * (model.rest[i].z + 0.5 * edge);
+  const auto [lambda, mu] = lame(model.materials[0]);
+  const double pull = (lambda + 2.0 * mu) * strain * edge * edge;
+  const Reactions reactions(model, scene);
+  const auto found = at_rest(reactions, state);
+  EXPECT_NEAR(of(reactions, found, "prescribed").force.z, pull, 1e-4 * pull);
+  EXPECT_NEAR(of(reactions, found, "fixed").force.z, -pull, 1e-4 * pull);
+}
+
+TEST(Reactions, EachObstacleAndSpringHasItsOwn) {
+  const Model model = make_cube(4);
+  Scene scene = elastic_scene();
+  scene.params<Gravity>().emplace_back();
+  auto& ground = scene.params<Ground>().emplace_back();
+  ground.clearance = 0.0;
+  for (const char* side : {"left", "right"}) {
+    auto& spring = scene.params<Spring>().emplace_back();
+    spring.side = side;
+    spring.stiffness = side == std::string("left") ? 2e4 : 1e4;
+  }
+  auto& lid = scene.params<Collider<Plane>>().emplace_back();
+  lid.point = {0.025, 0.025, 0.0501};
+  lid.normal = {0.0, 0.0, -1.0};
+  lid.velocity = {0.0, 0.0, -0.0051};
+  lid.stop = 1.0;
+  scene.time = {.frame_s = 1.0, .substeps = 1, .end_s = 1.0};
+  const State state = newton(model, scene);
+  const Reactions reactions(model, scene);
+  EXPECT_EQ(reactions.names(), (std::vector<std::string>{"gravity", "spring.1", "spring.2",
+                                                         "ground", "plane", "remainder"}));
+  const auto found = at_rest(reactions, state);
+  const double weight = reactions.weight();
+  const Vec3<double> left = of(reactions, found, "spring.1").force,
+                     right = of(reactions, found, "spring.2").force;
+  EXPECT_LT(of(reactions, found, "plane").force.z, -0.5 * weight);
+  EXPECT_NEAR(of(reactions, found, "ground").force.z + of(reactions, found, "plane").force.z +
+                  left.z + right.z,
+              weight, 1e-3 * weight);
+  EXPECT_LT(norm(of(reactions, found, "remainder").force), 1e-3 * weight);
+  // The bulge is pulled back on both sides; left is +x.
+  EXPECT_LT(left.x, 0.0);
+  EXPECT_GT(right.x, 0.0);
+  EXPECT_NEAR(norm(sum_of(found)), 0.0, 1e-9 * weight);
+}
+
+// Impulse = change of momentum, frame by frame, whatever the body does meanwhile.
+TEST(Reactions, InAnImpactTheImpulseIsTheChangeOfMomentum) {
+  const Model model = make_cube(4);
+  Scene scene = drop_scene();
+  scene.params<Ground>()[0].clearance = 0.005;
+  for (const Method method : {Method::xpbd, Method::tled}) {
+    const auto solver = make_on_cpu(model, scene, {.method = method, .threads = 1});
+    const Reactions reactions(model, scene);
+    std::vector<State> states = {solver->state()};
+    for (int frame = 0; frame < 12; ++frame) {
+      solver->advance_frame();
+      states.push_back(solver->state());
+    }
+    const double frame_s = scene.time.frame_s;
+    const auto momentum = [&](std::size_t k) {  // between two frames
+      Vec3<double> sum;
+      for (std::size_t i = 0; i < model.vertex_count(); ++i)
+        sum += (model.mass[i] / frame_s) * (states[k + 1].u[i] - states[k].u[i]);
+      return sum;
+    };
+    Vec3<double> impulse, ground;
+    for (std::size_t k = 1; k + 1 < states.size(); ++k) {
+      const auto found =
+          reactions.at(FrameMotion::between(states[k - 1], states[k], states[k + 1], frame_s));
+      impulse += frame_s * sum_of(found);
+      ground += frame_s * of(reactions, found, "ground").force;
+    }
+    const Vec3<double> change = momentum(states.size() - 2) - momentum(0);
+    EXPECT_NEAR(norm(impulse - change), 0.0, 1e-9 * norm(ground));
+    EXPECT_GT(ground.z, 0.5 * reactions.weight() * frame_s * 10);
+  }
+}
+
+// What a solver lacks of balance is not lost: supports take it over as a bar hands on a load, the
+// nearer the more.
+TEST(Reactions, WhatTheSolverLacksIsHandedOnToTheSupports) {
+  const Model model = make_box({0.12, 0.02, 0.02}, {12, 2, 2}, soft_tissue);
+  Scene scene = elastic_scene();
+  for (const char* side : {"left", "right"})
+    scene.params<Fixed>().emplace_back().side = side;  // left is +x
+  const State state = still(model);
+  FrameMotion motion = FrameMotion::between(state, state, state, 1.0);
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    const bool is_there = std::abs(model.rest[i].x - 0.03) < 1e-6;
+    if (is_there) motion.acceleration[i] = {0.0, 0.0, 1.0};
+  }
+  const auto lack = [&](const Reactions::Found& found) { return sum_of(found).z; };
+  const Reactions reactions(model, scene);
+  const auto found = reactions.at(motion);
+  const double whole = lack(found);
+  EXPECT_GT(whole, 0.0);
+  EXPECT_NEAR(of(reactions, found, "fixed.1").force.z, 0.75 * whole, 0.01 * whole);
+  EXPECT_NEAR(of(reactions, found, "fixed.2").force.z, 0.25 * whole, 0.01 * whole);
+  EXPECT_NEAR(norm(of(reactions, found, Reactions::remainder).force), 0.0, 1e-6 * whole);
+  EXPECT_NEAR(found.handed_on, whole, 1e-6 * whole);
+
+  scene.params<Fixed>().pop_back();
+  const Reactions alone(model, scene);
+  EXPECT_NEAR(of(alone, alone.at(motion), "fixed").force.z, whole, 1e-12 * whole);
+
+  scene.params<SelfContact>().emplace_back();
+  const Reactions with_contact(model, scene);
+  EXPECT_NEAR(of(with_contact, with_contact.at(motion), Reactions::remainder).force.z, whole,
+              1e-12 * whole);
+}
+
+TEST(Reactions, WhatHasNoLawOfForceIsRefused) {
+  const Model model = make_cube(2);
+  Scene scene = drop_scene();
+  scene.params<ShapeMatching>().emplace_back();
+  try {
+    const Reactions reactions(model, scene);
+    FAIL();
+  } catch (const Refusal& refusal) {
+    EXPECT_EQ(refusal.field, "effects.shape_matching");
+  }
+}
+
+}  // namespace
+}  // namespace viscera::sim
