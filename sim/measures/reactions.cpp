@@ -26,6 +26,13 @@ constexpr bool has_resultant =
     Effect::kind == EffectKind::force || Effect::kind == EffectKind::motion ||
     Effect::kind == EffectKind::contact || is_outer<Effect>;
 
+// What has a history goes through all of a substep.
+template <class Effect>
+constexpr bool keeps_history = [] {
+  if constexpr (Effect::kind == EffectKind::element) return history_of<Effect> > 0;
+  return false;
+}();
+
 FrameMotion motion_of(const State& of, const State& first, const State& second, const State& third,
                       const State& from, const State& to, double apart, double frame_s) {
   const std::size_t n = of.u.size();
@@ -76,9 +83,10 @@ FrameMotion FrameMotion::at_end(const State& first, const State& before, const S
   return motion_of(now, first, before, now, before, now, frame_s, frame_s);
 }
 
-Reactions::Reactions(const Model& model, const Scene& scene, ForcesOfTissue tissue)
+Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, ForcesOfTissue tissue)
     : model_(model),
       dt_(scene.time.substep_s()),
+      acts_(acts_s > 0.0 ? acts_s : dt_),
       edges_(weighted_edges<Edge>(model)),
       piece_(model.vertex_count()),
       hands_on_(!scene.has<SelfContact>()),
@@ -109,7 +117,7 @@ Reactions::Reactions(const Model& model, const Scene& scene, ForcesOfTissue tiss
                     "forces: false, or another effect in its place");
     } else if constexpr (Effect::kind != EffectKind::self_contact) {
       for (std::size_t k = 0; k < all.size(); ++k) {
-        std::get<i>(on_).emplace_back(model, all[k], dt_);
+        std::get<i>(on_).emplace_back(model, all[k], keeps_history<Effect> ? dt_ : acts_);
         if constexpr (!has_resultant<Effect>) continue;
         if constexpr (Effect::kind == EffectKind::motion) {
           for (const int v : std::get<i>(on_).back().vertices)
@@ -192,7 +200,7 @@ Reactions::Found Reactions::at(const FrameMotion& motion) const {
   for (std::size_t i = 0; i < n; ++i) lacking[i] = model_.mass[i] * motion.acceleration[i];
 
   VertexField moved(n);  // over a substep
-  for (std::size_t i = 0; i < n; ++i) moved[i] = dt_ * motion.velocity[i];
+  for (std::size_t i = 0; i < n; ++i) moved[i] = acts_ * motion.velocity[i];
   const auto known = history_of_elements(on_, state);
   auto history = known.value_or(std::span<const double>());
   std::size_t name = 0;

@@ -18,12 +18,13 @@
 //
 // r of a vertex that is held or led belongs to its support. Of a free one it belongs to the
 // obstacle that it touches: the vertex would be inside, were it moved a little against r. Of the
-// others it is what the frame lacks of the equations, the solver's own error: the impulses that
-// moved the body were other ones than the forces of its displacements. That is handed on to
-// supports and obstacles, as a body hands a load on to what holds it: the share of each is harmonic
-// (a Laplace problem on the mesh's edges, weighted by E V / l^2 of their tets), 1 on its own
-// vertices and 0 on those of others. With one alone its resultant is then exact. Nothing is handed
-// on with self-contact, whose forces are not known here, nor where nothing holds the body.
+// others it is what the frame lacks of the equations, the solver's own error (and in motion, what
+// vibrates faster than frames): the impulses that moved the body were other ones than the forces
+// of its displacements. That is handed on to supports and obstacles, as a body hands a load on to
+// what holds it: the share of each is harmonic (a Laplace problem on the mesh's edges, weighted by
+// E V / l^2 of their tets), 1 on its own vertices and 0 on those of others. With one alone its
+// resultant is then exact. Nothing is handed on with self-contact, whose forces are not known here,
+// nor where nothing holds the body.
 #pragma once
 
 #include <functional>
@@ -59,10 +60,12 @@ class Reactions {
   using ForcesOfTissue =
       std::function<std::vector<Vec3<double>>(const Model&, const State&)>;  // [n] N
 
-  // Refers to the model. `tissue` stands for neo_hookean where tets are not linear
-  // (solvers/fem/quadratic_forces.hpp). Throws Refusal for effects that have no law of force: shape
-  // matching.
-  Reactions(const Model& model, const Scene& scene, ForcesOfTissue tissue = {});
+  // Refers to the model. `acts_s` is over how long forces act in a substep (acting_time of
+  // solvers/time_rule.hpp), on which the hold of a grip depends; 0: all of it. `tissue` stands for
+  // neo_hookean where tets are not linear (solvers/fem/quadratic_forces.hpp). Throws Refusal for
+  // effects that have no law of force: shape matching.
+  Reactions(const Model& model, const Scene& scene, double acts_s = 0.0,
+            ForcesOfTissue tissue = {});
 
   // What exerts forces, by its key in the scene, with .1, .2, ... where it is named several times;
   // `model_held` are vertices that the model itself holds (Model::fixed); `remainder` comes last.
@@ -92,7 +95,7 @@ class Reactions {
   using Slot = Prepared<Effect, double>;
 
   const Model& model_;
-  double dt_;
+  double dt_, acts_;  // s
   Effects::Slots<Slot> on_;
   std::vector<std::string> names_;
   std::vector<Edge> edges_;

@@ -27,6 +27,7 @@ Readout Reader::read(const Snapshot& snapshot) {
               .cs = setting.stability.cs_max,
               .now = diagnose(body_, setting.scene, snapshot.state),
               .contacts = snapshot.contacts,
+              .pull = snapshot.pull,
               .effects = effects_on(setting.scene),
               .paused = snapshot.paused,
               .diverged = snapshot.diverged,
@@ -72,6 +73,7 @@ Json to_json(const Readout& r) {
           {"inverted_tets", r.now.inverted},
           {"max_displacement_mm", 1e3 * r.now.max_displacement},
           {"contacts", r.contacts},
+          {"pull_N", {r.pull.x, r.pull.y, r.pull.z}},
           {"effects", r.effects},
           {"ms_a_frame", parts},
           {"diverged", r.diverged},
@@ -92,6 +94,7 @@ std::string to_text(const Readout& r) {
       r.tets, r.device, r.paused ? "   PAUSED" : "", r.last_ms, r.median_ms, r.p99_ms, r.budget_ms,
       r.substeps, r.cs, r.now.total(), r.now.kinetic, r.now.elastic, r.now.gravity,
       100.0 * (r.now.volume_ratio - 1.0), r.now.inverted, r.contacts);
+  if (norm(r.pull) > 0.0) text += fmt::format("the hand pulls with {:.3g} N\n", norm(r.pull));
   if (parts.empty()) {
     text += fmt::format("effects: {} (times are not measured there)\n", fmt::join(r.effects, ", "));
   } else {

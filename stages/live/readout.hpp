@@ -19,6 +19,7 @@ struct Readout {
   std::string cs_warning;  // empty: none
   sim::Diagnostics now;
   std::size_t contacts = 0;
+  Point pull;                                            // N, of the hand's hold on the body
   std::vector<std::string> effects;                      // that are on
   std::vector<std::pair<std::string, double>> parts_ms;  // of a frame, since the one before
   bool paused = false, diverged = false;

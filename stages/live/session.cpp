@@ -227,6 +227,7 @@ void Session::publish() {
   next.contacts = world_->contact_count();
   next.setting = world_->setting();
   next.hand = world_->hand();
+  next.pull = world_->pull(next.state);
   next.seconds = world_->seconds();
   for (const auto& [part, s] : spent_) next.seconds[part] += s;
   next.times = times_;

@@ -38,6 +38,7 @@ struct Snapshot {
   std::size_t contacts = 0;
   std::shared_ptr<const Setting> setting;
   Hand hand;
+  Point pull;  // N, World::pull
   Seconds seconds;
   FrameTimes times;
   std::uint64_t over_budget = 0;  // frames that took longer than the time they stand for

@@ -12,6 +12,7 @@
 #include "pipeline/base/log.hpp"
 #include "sim/base/best_rotation.hpp"
 #include "sim/model/start.hpp"
+#include "sim/solvers/time_rule.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/solver_choice.hpp"
@@ -180,6 +181,19 @@ void World::go_back_to(sim::State state, std::uint64_t frame) {
   solver_->set_state(state);
   frame_ = frame;
   take_hand_off();
+}
+
+Point World::pull(const sim::State& state) const {
+  Point sum;
+  if (!hand_.holds) return sum;
+  const sim::Model& model = setup_.model;
+  const double acts_s = sim::acting_time(setting_->scene.time.substep_s(),
+                                         sim::order_of(setting_->scene, setting_->options));
+  const auto hold = sim::Grip::device<double>(model, scene_.params<sim::Grip>().back(), acts_s);
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    sum += model.mass[i] * sim::Grip::acceleration(hold, model.rest[i], state.u[i], state.v[i]);
+  }
+  return sum;
 }
 
 Seconds World::seconds() const {

@@ -50,6 +50,8 @@ class World {
   const TetMesh& mesh() const { return setup_.mesh; }
   const std::shared_ptr<const Setting>& setting() const { return setting_; }
   const Hand& hand() const { return hand_; }
+  // N, of the hold on the body in a state of this world; 0 where nothing is held.
+  Point pull(const sim::State& state) const;
   Seconds seconds() const;
   std::string device() const { return solver_->device(); }
   bool on_cpu() const { return device().starts_with("cpu"); }

@@ -107,15 +107,15 @@ class Forces {
  public:
   Forces(const sim::Model& model, const sim::Scene& scene, const FrameOptions& options,
          Outcome& outcome)
-      : model_(model), scene_(scene), tissue_(options.tissue) {
+      : model_(model), scene_(scene), acts_s_(options.acts_s), tissue_(options.tissue) {
     if (!options.forces) return;
-    reactions_.emplace(model, scene, tissue_);
+    reactions_.emplace(model, scene, acts_s_, tissue_);
     outcome.exerting = reactions_->names();
   }
 
   // Materials and parameters have changed; names have not.
   void begin_setting() {
-    if (reactions_) reactions_.emplace(model_, scene_, tissue_);
+    if (reactions_) reactions_.emplace(model_, scene_, acts_s_, tissue_);
   }
   // Of the last frame of `outcome`, which `after` follows.
   void find_before(const sim::State& after, Outcome& outcome) {
@@ -138,6 +138,7 @@ class Forces {
 
   const sim::Model& model_;
   const sim::Scene& scene_;
+  double acts_s_;
   sim::Reactions::ForcesOfTissue tissue_;
   std::optional<sim::Reactions> reactions_;
 };

@@ -66,6 +66,7 @@ struct FrameOptions {
   // Says of a frame after the first why the run may not go on from it: a divergence; empty: it may.
   std::function<std::string(const sim::State&)> objects = {};
   bool forces = false;                         // whether frames are to know theirs
+  double acts_s = 0.0;                         // sim::Reactions
   sim::Reactions::ForcesOfTissue tissue = {};  // where tets are quadratic
   std::vector<sim::Probe> probes = {};
 };

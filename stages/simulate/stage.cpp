@@ -368,10 +368,12 @@ void simulate(StageRun& run) {
     log::info("goes on at t {:.3f} s, where it was interrupted", start.frames.back().time_s);
   }
   ExplicitWatch watch(model, file.scene);
-  FrameOptions frames{.kept = [&](const Outcome& so_far) { resume.note(so_far); },
-                      .method = options.method,
-                      .forces = run.param<bool>("forces"),
-                      .probes = probes};
+  FrameOptions frames{
+      .kept = [&](const Outcome& so_far) { resume.note(so_far); },
+      .method = options.method,
+      .forces = run.param<bool>("forces"),
+      .acts_s = sim::acting_time(file.scene.time.substep_s(), sim::order_of(file.scene, options)),
+      .probes = probes};
   frames.keep = [&, &body = model](const ComputedFrame& frame, const sim::State& state) {
     const std::vector<float> positions = positions_mm(body, state);
     trajectory.append(frame.time_s, positions);

@@ -35,6 +35,21 @@ TEST_F(Live, ADragMovesTheBodyInTheFrameThatFollows) {
   EXPECT_LT(world->state().u[corner].z, 0.0) << "it falls";
 }
 
+TEST_F(Live, AHandThatHoldsTheBodyUpPullsWithItsWeight) {
+  const auto world = make_world();
+  EXPECT_EQ(norm(world->pull(world->state())), 0.0);
+  world->apply(Grab{top_corner(*world)});
+  world->apply(Drag{{0.0, 0.0, 60.0}});
+  advance(*world, 400);
+  double weight = 0.0;
+  for (const double m : world->body().mass) weight += 9.80665 * m;
+  const Point pull = world->pull(world->state());
+  EXPECT_NEAR(pull.z, weight, 0.01 * weight);
+  EXPECT_NEAR(std::hypot(pull.x, pull.y), 0.0, 0.01 * weight);
+  world->apply(Release{});
+  EXPECT_EQ(norm(world->pull(world->state())), 0.0);
+}
+
 TEST_F(Live, ABodyThatIsGrabbedWhereItLiesStaysThere) {
   const auto world = make_world();
   advance(*world, 120);

@@ -9,12 +9,15 @@
 // of the bar that is of the order of a tenth of a percent, part of the difference that is measured.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
 
 #include "pipeline/base/atomic_file.hpp"
+#include "sim/measures/reactions.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/verification/problems.hpp"
 
@@ -48,36 +51,72 @@ void write_deck(const fs::path& file, const Model& model) {
       << m.density << "\n*SOLID SECTION, ELSET=BODY, MATERIAL=TISSUE\n"
       << "*BOUNDARY\nCLAMP, 1, 3\n"
       << "*STEP, NLGEOM, INC=1000\n*STATIC\n0.25, 1.\n*DLOAD\nBODY, GRAV, 9.80665, 0., 0., -1.\n"
-      << "*NODE PRINT, NSET=ALL, FREQUENCY=1000\nU\n*END STEP\n";
+      << "*NODE PRINT, NSET=ALL, FREQUENCY=1000\nU, RF\n*END STEP\n";
 }
 
-// Lines of four numbers: the node and its displacement.
-State read_displacements(const fs::path& file, const Model& model) {
-  State state = at_rest(model);
+struct Judgement {
+  State state;
+  // [n] N, what acts on each node from outside: for a clamped one what the clamp exerts and its
+  // share of the weight.
+  std::vector<Vec3<double>> outside;
+};
+
+// Lines of four numbers, a node and what is printed of it: first the displacements of all nodes,
+// then the forces.
+Judgement read_judgement(const fs::path& file, const Model& model) {
+  const std::size_t n = model.vertex_count();
+  Judgement out{at_rest(model), std::vector<Vec3<double>>(n)};
   std::ifstream in(file);
   std::size_t found = 0;
   for (std::string line; std::getline(in, line);) {
     std::istringstream words(line);
     std::size_t node = 0;
-    Vec3<double> u;
-    if (!(words >> node >> u.x >> u.y >> u.z) || node < 1 || node > state.u.size()) continue;
-    state.u[node - 1] = u;
+    Vec3<double> value;
+    if (!(words >> node >> value.x >> value.y >> value.z) || node < 1 || node > n) continue;
+    (found < n ? out.state.u : out.outside)[node - 1] = value;
     ++found;
   }
-  if (found != state.u.size()) {
+  if (found != 2 * n) {
     throw std::runtime_error(
-        fmt::format("CalculiX printed {} of {} displacements", found, state.u.size()));
+        fmt::format("CalculiX printed {} of {} displacements and forces", found, 2 * n));
   }
-  return state;
+  return out;
 }
 
-State judged(const Model& model) {
+Judgement judged(const Model& model) {
   const TemporaryFolder folder{fs::temp_directory_path()};
   write_deck(folder.path() / "bar.inp", model);
   const std::string command =
       fmt::format("cd '{}' && OMP_NUM_THREADS=1 ccx bar > log 2>&1", folder.path().string());
   if (std::system(command.c_str()) != 0) throw std::runtime_error("CalculiX failed");
-  return read_displacements(folder.path() / "bar.dat", model);
+  return read_judgement(folder.path() / "bar.dat", model);
+}
+
+// What the clamp exerts: how far its resultant is off CalculiX's, its moment about the body's
+// centre of mass at rest (over the force times the clamp's lever to there), and its forces node by
+// node.
+struct ClampError {
+  double force, moment, nodal;
+};
+
+ClampError clamp_error(const Model& model, const State& found, const Judgement& truth) {
+  const Reactions reactions(model, own_weight());
+  const auto own = reactions.at(FrameMotion::between(found, found, found, 1.0));
+  const auto held = std::ranges::find(reactions.names(), Reactions::model_held);
+  const Resultant& clamp = own.of[static_cast<std::size_t>(held - reactions.names().begin())];
+  Resultant judged;
+  double off = 0.0, all = 0.0, lever = 0.0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    if (!model.fixed[i]) continue;
+    lever = std::abs(model.rest[i].x - reactions.about().x);
+    const Vec3<double> weight = {0.0, 0.0, -9.80665 * model.mass[i]};
+    const Vec3<double> force = truth.outside[i] - weight, miss = own.contact[i] - force;
+    judged.force += force;
+    judged.moment += cross(model.rest[i] - reactions.about(), force);
+    off += dot(miss, miss), all += dot(force, force);
+  }
+  return {norm(clamp.force - judged.force) / norm(judged.force),
+          norm(clamp.moment - judged.moment) / (lever * norm(judged.force)), std::sqrt(off / all)};
 }
 
 struct Size {
@@ -91,12 +130,18 @@ void add_size(std::vector<Row>& rows, const Size& size) {
     rows.push_back({"judge", fmt::format("bar of {} tets against CalculiX", size.name), solver,
                     "fp64", [=]() -> Outcome {
                       const Model model = judged_bar(size.cells);
-                      const State truth = judged(model), found = find(model);
+                      const Judgement judgement = judged(model);
+                      const State found = find(model), &truth = judgement.state;
+                      const ClampError clamp = clamp_error(model, found, judgement);
                       return {{{"error", relative_error(model, found, truth), bound},
+                               {"error of the clamp's force", clamp.force, 1e-4},
+                               {"and of its moment", clamp.moment, bound},
                                {"CalculiX's tip against its anchor",
                                 std::abs(tip_mm(model, truth) / size.expected_tip - 1.0), 5e-4}},
-                              fmt::format("tip {:.2f} mm, CalculiX {:.2f} mm", tip_mm(model, found),
-                                          tip_mm(model, truth)),
+                              fmt::format("tip {:.2f} mm, CalculiX {:.2f} mm; the clamp's forces, "
+                                          "node by node, are {:.2g} % off",
+                                          tip_mm(model, found), tip_mm(model, truth),
+                                          100.0 * clamp.nodal),
                               ""};
                     }});
   };

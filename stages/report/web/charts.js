@@ -10,7 +10,7 @@ const timePlots = [
   {title: "Volume over volume at rest", unit: "1", columns: {volume_ratio: "whole body"}},
   {title: "Smallest volume ratio of any tet", unit: "1", columns: {min_J: "min J"}},
   {title: "Points in contact", unit: "1", columns: {contacts: "contacts"}},
-  {title: "Force that the solver's error leaves, handed on", unit: "N",
+  {title: "Force of the solver's error and of fast vibrations", unit: "N",
    columns: {force_handed_on_N: "handed on"}},
   {title: "Inverted tets", unit: "1", columns: {inverted: "inverted"}, onlyIfNonZero: true},
 ];

@@ -74,7 +74,7 @@ TEST(Reactions, ASupportCarriesTheWeightAndItsMoment) {
     set_element(scene.effects, element);
     const bool is_quadratic = element == Element::quadratic;
     const State state = newton(model, scene, is_quadratic ? 2 : 1);
-    const Reactions reactions(model, scene,
+    const Reactions reactions(model, scene, 0.0,
                               is_quadratic ? quadratic_forces(model) : Reactions::ForcesOfTissue());
     const auto found = at_rest(reactions, state);
     const double weight = reactions.weight();
