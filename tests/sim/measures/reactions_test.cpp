@@ -111,6 +111,31 @@ TEST(Reactions, AStretchedCubePullsAtItsSupportsWithItsStress) {
   EXPECT_NEAR(of(reactions, found, "fixed").force.z, -pull, 1e-4 * pull);
 }
 
+// A steady rate of uniaxial strain, as in measures/balance_test.cpp: sigma = 2 eta rate.
+TEST(Reactions, ACubeThatIsDrawnOutPullsBackWithItsViscousStress) {
+  constexpr double rate = 1e-6, edge = 0.05, frame_s = 0.01;
+  Model model = make_cube(3);
+  model.materials[0].damping = 10.0;
+  Scene scene = elastic_scene();
+  scene.params<Viscosity>().emplace_back();
+  scene.params<Fixed>().emplace_back().side = "inferior";
+  auto lid = sample_params<Prescribed>();
+  lid.side = "superior";
+  scene.params<Prescribed>() = {lid};
+  State before = still(model), now = before, after = before;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    after.u[i].z = frame_s * rate * (model.rest[i].z + 0.5 * edge);
+    before.u[i] = -after.u[i];
+  }
+  const double pull = 2.0 * lame(model.materials[0]).mu * 10.0 * rate * edge * edge;
+  for (const double acts_s : {0.0, 1e-5}) {
+    const Reactions reactions(model, scene, acts_s);
+    const auto found = reactions.at(FrameMotion::between(before, now, after, frame_s));
+    EXPECT_NEAR(of(reactions, found, "prescribed").force.z, pull, 1e-3 * pull);
+    EXPECT_NEAR(of(reactions, found, "fixed").force.z, -pull, 1e-3 * pull);
+  }
+}
+
 TEST(Reactions, EachObstacleAndSpringHasItsOwn) {
   const Model model = make_cube(4);
   Scene scene = elastic_scene();
