@@ -26,13 +26,6 @@ constexpr bool has_resultant =
     Effect::kind == EffectKind::force || Effect::kind == EffectKind::motion ||
     Effect::kind == EffectKind::contact || is_outer<Effect>;
 
-// What has a history goes through all of a substep.
-template <class Effect>
-constexpr bool keeps_history = [] {
-  if constexpr (Effect::kind == EffectKind::element) return history_of<Effect> > 0;
-  return false;
-}();
-
 FrameMotion motion_of(const State& of, const State& first, const State& second, const State& third,
                       const State& from, const State& to, double apart, double frame_s) {
   const std::size_t n = of.u.size();
@@ -43,32 +36,6 @@ FrameMotion motion_of(const State& of, const State& first, const State& second, 
         (1.0 / (frame_s * frame_s)) * ((third.u[i] - second.u[i]) - (second.u[i] - first.u[i]));
   }
   return motion;
-}
-
-// Each once, with the stiffness that the tets around it give it.
-template <class Edge>
-std::vector<Edge> weighted_edges(const Model& model) {
-  std::vector<Edge> all;
-  for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    const double stiffness = model.material(t).youngs_modulus * model.volume[t];
-    for (int i = 0; i < 4; ++i) {
-      for (int j = 0; j < i; ++j) {
-        const auto [a, b] = std::minmax(model.tets[t][i], model.tets[t][j]);
-        const Vec3<double> way = model.rest[a] - model.rest[b];
-        all.push_back({a, b, stiffness / dot(way, way)});
-      }
-    }
-  }
-  std::ranges::stable_sort(all, {}, [](const Edge& edge) { return std::pair(edge.a, edge.b); });
-  std::vector<Edge> once;
-  for (const Edge& edge : all) {
-    if (!once.empty() && once.back().a == edge.a && once.back().b == edge.b) {
-      once.back().weight += edge.weight;
-    } else {
-      once.push_back(edge);
-    }
-  }
-  return once;
 }
 
 }  // namespace
@@ -87,7 +54,7 @@ Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, Forc
     : model_(model),
       dt_(scene.time.substep_s()),
       acts_(acts_s > 0.0 ? acts_s : dt_),
-      edges_(weighted_edges<Edge>(model)),
+      edges_(Distance::elements(model, {})),
       piece_(model.vertex_count()),
       hands_on_(!scene.has<SelfContact>()),
       holder_(model.vertex_count(), -1),
@@ -96,7 +63,7 @@ Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, Forc
   std::iota(piece_.begin(), piece_.end(), 0);
   for (bool changes = true; changes;) {
     changes = false;
-    for (const auto& [a, b, weight] : edges_) {
+    for (const auto& [a, b] : edges_) {
       const int first = std::min(piece_[a], piece_[b]);
       changes |= piece_[a] != first || piece_[b] != first;
       piece_[a] = piece_[b] = first;
@@ -117,7 +84,8 @@ Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, Forc
                     "forces: false, or another effect in its place");
     } else if constexpr (Effect::kind != EffectKind::self_contact) {
       for (std::size_t k = 0; k < all.size(); ++k) {
-        std::get<i>(on_).emplace_back(model, all[k], keeps_history<Effect> ? dt_ : acts_);
+        // What has a history goes through all of a substep.
+        std::get<i>(on_).emplace_back(model, all[k], history_of<Effect> > 0 ? dt_ : acts_);
         if constexpr (!has_resultant<Effect>) continue;
         if constexpr (Effect::kind == EffectKind::motion) {
           for (const int v : std::get<i>(on_).back().vertices)
@@ -137,16 +105,6 @@ Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, Forc
   names_.emplace_back(remainder);
 }
 
-double Reactions::weight() const {
-  Vec3<double> sum;
-  for_each_slot<EffectKind::force>(on_, [&]<class Effect>(const auto& force) {
-    if constexpr (std::is_same_v<Effect, Gravity>) {
-      for (const double m : model_.mass) sum += m * force.device.acceleration;
-    }
-  });
-  return norm(sum);
-}
-
 // Conjugate gradients, preconditioned by the diagonal.
 std::vector<double> Reactions::shares(int name, const std::vector<int>& by) const {
   constexpr double enough = 1e-8;
@@ -160,7 +118,9 @@ std::vector<double> Reactions::shares(int name, const std::vector<int>& by) cons
   for (std::size_t v = 0; v < n; ++v) {
     x[v] = by[v] >= 0 ? by[v] == name : its[piece_[v]] && !another[piece_[v]];
   }
-  for (const auto& [a, b, weight] : edges_) {
+  for (std::size_t e = 0; e < edges_.size(); ++e) {
+    const auto [a, b] = edges_[e];
+    const double weight = edges_.stiffness[e];
     diagonal[a] += weight, diagonal[b] += weight;
     if (by[a] < 0) r[a] += weight * (x[b] - x[a]);
     if (by[b] < 0) r[b] += weight * (x[a] - x[b]);
@@ -174,7 +134,10 @@ std::vector<double> Reactions::shares(int name, const std::vector<int>& by) cons
     if (!(rz > enough * enough * first)) break;
     for (std::size_t v = 0; v < n; ++v) p[v] = z[v] + (round == 0 ? 0.0 : rz / old) * p[v];
     for (std::size_t v = 0; v < n; ++v) q[v] = diagonal[v] * p[v];
-    for (const auto& [a, b, weight] : edges_) q[a] -= weight * p[b], q[b] -= weight * p[a];
+    for (std::size_t e = 0; e < edges_.size(); ++e) {
+      const auto [a, b] = edges_[e];
+      q[a] -= edges_.stiffness[e] * p[b], q[b] -= edges_.stiffness[e] * p[a];
+    }
     double pq = 0.0;
     for (std::size_t v = 0; v < n; ++v) pq += by[v] < 0 ? p[v] * q[v] : 0.0;
     const double step = rz / pq;

@@ -21,10 +21,10 @@
 // others it is what the frame lacks of the equations, the solver's own error (and in motion, what
 // vibrates faster than frames): the impulses that moved the body were other ones than the forces
 // of its displacements. That is handed on to supports and obstacles, as a body hands a load on to
-// what holds it: the share of each is harmonic (a Laplace problem on the mesh's edges, weighted by
-// E V / l^2 of their tets), 1 on its own vertices and 0 on those of others. With one alone its
-// resultant is then exact. Nothing is handed on with self-contact, whose forces are not known here,
-// nor where nothing holds the body.
+// what holds it: the share of each is harmonic (a Laplace problem on the mesh's edges, as stiff as
+// the springs of effects/distance.hpp), 1 on its own vertices and 0 on those of others. With one
+// alone its resultant is then exact. Nothing is handed on with self-contact, whose forces are not
+// known here, nor where nothing holds the body.
 #pragma once
 
 #include <functional>
@@ -73,7 +73,6 @@ class Reactions {
   static constexpr const char *model_held = "held", *remainder = "remainder";
   // m, in the model's frame: the centre of mass of the body at rest.
   const Vec3<double>& about() const { return about_; }
-  double weight() const;  // N, of all that moves the body as a whole: |sum of m g|
 
   struct Found {
     std::vector<Resultant> of;          // [names]
@@ -83,11 +82,6 @@ class Reactions {
   Found at(const FrameMotion& motion) const;
 
  private:
-  struct Edge {
-    int a, b;
-    double weight;  // N/m
-  };
-
   // [n] the share of `name` in what acts on each vertex; by[v] is whose vertex v is, -1 of nobody.
   std::vector<double> shares(int name, const std::vector<int>& by) const;
 
@@ -98,7 +92,7 @@ class Reactions {
   double dt_, acts_;  // s
   Effects::Slots<Slot> on_;
   std::vector<std::string> names_;
-  std::vector<Edge> edges_;
+  SpringNetwork edges_;     // as the springs of `distance`, whose stiffness hands on
   std::vector<int> piece_;  // [n] the first vertex that each is connected with
   bool hands_on_;
   std::vector<int> holder_;  // [n] of names: the support that holds a vertex; -1: it is free

@@ -13,6 +13,7 @@
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/gates.hpp"
 #include "stages/simulate/inverted.hpp"
+#include "stages/simulate/probes.hpp"
 
 namespace viscera {
 
@@ -253,7 +254,7 @@ void report_probes(StageRun& run, const sim::Model& model, const std::vector<sim
   Json at = Json::object(), moved = Json::object();
   for (std::size_t k = 0; k < probes.size(); ++k) {
     const auto& u = outcome.frames.back().probes[k];
-    const auto place = m_to_mm * (model.origin + probes[k].mean_of(model.rest) + u);
+    const auto place = place_mm(model, probes[k], u);
     at[probes[k].name] = {place.x, place.y, place.z};
     moved[probes[k].name] = m_to_mm * norm(u);
     log::info("probe {} has moved by {:.4g} mm at the end", probes[k].name, m_to_mm * norm(u));

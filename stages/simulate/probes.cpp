@@ -81,4 +81,9 @@ std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model
   return probes;
 }
 
+sim::Vec3<double> place_mm(const sim::Model& model, const sim::Probe& probe,
+                           const sim::Vec3<double>& u) {
+  return m_to_mm * (model.origin + probe.mean_of(model.rest) + u);
+}
+
 }  // namespace viscera

@@ -18,4 +18,8 @@ void check_probes(const StageRun& run);
 // sim::Refusal for a point outside of it.
 std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model);
 
+// Where a probe is that has moved by u, m: LPS mm.
+sim::Vec3<double> place_mm(const sim::Model& model, const sim::Probe& probe,
+                           const sim::Vec3<double>& u);
+
 }  // namespace viscera

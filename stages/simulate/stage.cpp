@@ -80,7 +80,7 @@ void write_metrics(const std::filesystem::path& path, const sim::Model& model,
       text += std::string(6 * outcome.exerting.size() + 1, ',');
     }
     for (std::size_t k = 0; k < probes.size(); ++k) {
-      const auto at = m_to_mm * (model.origin + probes[k].mean_of(model.rest) + f.probes[k]);
+      const auto at = place_mm(model, probes[k], f.probes[k]);
       text += fmt::format(",{:.9g},{:.9g},{:.9g}", at.x, at.y, at.z);
     }
     text += '\n';
