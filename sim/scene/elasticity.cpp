@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "sim/base/von_mises.hpp"
+
 namespace viscera::sim {
 namespace {
 
@@ -68,21 +70,19 @@ double smoothed_energy(const Model& model, const Scene& scene, const std::vector
   return sum;
 }
 
-double von_mises_stress(const Model& model, const Scene& scene, const State& state,
-                        std::size_t tet) {
+Mat3<double> cauchy_stress(const Model& model, const Scene& scene, std::size_t tet,
+                           const Mat3<double>& h) {
   constexpr double min_volume = 0.05;
-  const Mat3<double> h = gradient_of(model, state, tet);
   const double j = std::max(min_volume, 1.0 + NeoHookean::volume_strain(h));
   const Mat3<double> p = force_gradient(model, scene, tet, h);
-  const Mat3<double> f{{h.col[0] + Vec3<double>{1, 0, 0}, h.col[1] + Vec3<double>{0, 1, 0},
-                        h.col[2] + Vec3<double>{0, 0, 1}}};
-  const Mat3<double> cauchy = p * transpose(f);  // times J V
-  const auto& [x, y, z] = cauchy.col;
-  const double mean = (x.x + y.y + z.z) / 3.0;
-  const double normal =
-      (x.x - mean) * (x.x - mean) + (y.y - mean) * (y.y - mean) + (z.z - mean) * (z.z - mean);
-  const double shear = x.y * x.y + x.z * x.z + y.x * y.x + y.z * y.z + z.x * z.x + z.y * z.y;
-  return std::sqrt(1.5 * (normal + shear)) / (j * model.volume[tet]);
+  const Mat3<double> kirchhoff = p * transpose(plus_identity(1.0, h));  // times V
+  const double share = 1.0 / (j * model.volume[tet]);
+  return {{share * kirchhoff.col[0], share * kirchhoff.col[1], share * kirchhoff.col[2]}};
+}
+
+double von_mises_stress(const Model& model, const Scene& scene, const State& state,
+                        std::size_t tet) {
+  return von_mises(cauchy_stress(model, scene, tet, gradient_of(model, state, tet)));
 }
 
 }  // namespace viscera::sim

@@ -20,10 +20,14 @@ double elastic_energy_of_tet(const Model& model, const Scene& scene, std::size_t
                              const Mat3<double>& h);
 double smoothed_energy(const Model& model, const Scene& scene, const std::vector<Vec3<double>>& u);
 
-// Von Mises' equivalent of the Cauchy stress, Pa: sqrt(3/2 s:s) of the deviator s of
-// sigma = P F^T / J, with P = dPsi/dF of the energy above by central differences (to about 1e-9 of
-// the modulus). Viscosity, branches and beds have no energy here and are not in it. A tet that is
-// crushed below a twentieth of its volume, or inside out, counts as if it had that.
+// Cauchy's stress in a tet, Pa: sigma = P F^T / J, with P = dPsi/dF of the energy above by central
+// differences (to about 1e-9 of the modulus). Viscosity, branches and beds have no energy here and
+// are not in it. A tet that is crushed below a twentieth of its volume, or inside out, counts as if
+// it had that.
+Mat3<double> cauchy_stress(const Model& model, const Scene& scene, std::size_t tet,
+                           const Mat3<double>& h);
+
+// Von Mises' equivalent of it, Pa.
 double von_mises_stress(const Model& model, const Scene& scene, const State& state,
                         std::size_t tet);
 

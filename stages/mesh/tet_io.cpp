@@ -10,6 +10,7 @@
 #include <vtkIdList.h>
 #include <vtkIntArray.h>
 #include <vtkNew.h>
+#include <vtkPointData.h>
 #include <vtkPoints.h>
 #include <vtkSmartPointer.h>
 #include <vtkUnsignedCharArray.h>
@@ -221,6 +222,18 @@ void add_array(vtkUnstructuredGrid& grid, const std::string& name,
   grid.GetCellData()->AddArray(array);
 }
 
+void add_field(vtkFieldData& data, const FieldArray& field) {
+  const int count = static_cast<int>(field.components.size());
+  vtkNew<vtkFloatArray> array;
+  array->SetName(field.name.c_str());
+  array->SetNumberOfComponents(count);
+  for (int k = 0; k < count; ++k) {
+    if (!field.components[k].empty()) array->SetComponentName(k, field.components[k].c_str());
+  }
+  for (const float value : field.values) array->InsertNextValue(value);
+  data.AddArray(array);
+}
+
 ForeignMesh read_as_it_stands(const std::filesystem::path& path, vtkUnstructuredGrid& grid,
                               bool foreign) {
   ForeignMesh read;
@@ -246,7 +259,8 @@ ForeignMesh read_foreign_vtu(const std::filesystem::path& path) {
   return read_as_it_stands(path, *read_grid(path), true);
 }
 
-void write_vtu(const std::filesystem::path& path, const TetMesh& mesh) {
+void write_vtu(const std::filesystem::path& path, const TetMesh& mesh,
+               const std::vector<FieldArray>& at_points, const std::vector<FieldArray>& in_tets) {
   vtkNew<vtkUnstructuredGrid> grid;
   vtkNew<vtkPoints> points;
   points->SetDataTypeToDouble();
@@ -267,6 +281,8 @@ void write_vtu(const std::filesystem::path& path, const TetMesh& mesh) {
   for (const auto& [name, inside] : mesh.regions)
     add_array<vtkUnsignedCharArray>(*grid, std::string(region_prefix) + name, inside);
   for (const auto& [name, values] : mesh.cell_data) add_array<vtkFloatArray>(*grid, name, values);
+  for (const auto& field : in_tets) add_field(*grid->GetCellData(), field);
+  for (const auto& field : at_points) add_field(*grid->GetPointData(), field);
   label_names_to(*grid->GetFieldData(), mesh.label_names);
 
   const VtkMessages messages;

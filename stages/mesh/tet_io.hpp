@@ -24,8 +24,17 @@ struct ForeignMesh {
 // that other programs give them (gmsh:physical, medit:ref, ...) or be missing.
 ForeignMesh read_foreign_vtu(const std::filesystem::path& path);
 
+// Values at points or in tets, as an array of a .vtu file.
+struct FieldArray {
+  std::string name;                     // with its unit
+  std::vector<std::string> components;  // their names; one without a name: a number
+  std::vector<float> values;            // [places][components]
+};
+
 // Deterministic bytes: the same mesh gives the same file.
-void write_vtu(const std::filesystem::path& path, const TetMesh& mesh);
+void write_vtu(const std::filesystem::path& path, const TetMesh& mesh,
+               const std::vector<FieldArray>& at_points = {},
+               const std::vector<FieldArray>& in_tets = {});
 
 std::string vtk_version();
 

@@ -1,8 +1,7 @@
 #include "stages/report/stress.hpp"
 
-#include <cmath>
-
 #include "pipeline/base/json_value.hpp"
+#include "sim/base/von_mises.hpp"
 
 namespace viscera {
 namespace {
@@ -17,12 +16,6 @@ Mat3<double> edges(const std::array<int, 4>& tet, const double* xyz) {
   };
   const Vec3<double> origin = point(tet[0]);
   return {{point(tet[1]) - origin, point(tet[2]) - origin, point(tet[3]) - origin}};
-}
-
-double von_mises(const Mat3<double>& s) {
-  const auto& [a, b, c] = s.col;
-  const double normal = std::pow(a.x - b.y, 2) + std::pow(b.y - c.z, 2) + std::pow(c.z - a.x, 2);
-  return std::sqrt(0.5 * normal + 3.0 * (a.y * a.y + b.z * b.z + c.x * c.x));
 }
 
 }  // namespace
@@ -71,7 +64,7 @@ std::vector<double> VonMises::operator()(const std::vector<double>& xyz) const {
       p.col[k] = mu * (f.col[k] - cof.col[k]) + (lambda * (j - 1.0)) * cof.col[k];
     }
     const Mat3<double> kirchhoff = p * sim::transpose(f);
-    stress.push_back(j > 0.0 ? von_mises(kirchhoff) / (pa_per_kpa * j) : 0.0);
+    stress.push_back(j > 0.0 ? sim::von_mises(kirchhoff) / (pa_per_kpa * j) : 0.0);
   }
   return stress;
 }

@@ -3,7 +3,11 @@
 #include <algorithm>
 #include <optional>
 
+#include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "sim/base/refusal.hpp"
+#include "stages/mesh/landmark_io.hpp"
 #include "stages/program/param_values.hpp"
 #include "stages/simulate/body.hpp"
 
@@ -44,6 +48,33 @@ std::vector<ProbeRequest> read_requests(const StageRun& run) {
   return requests;
 }
 
+// Follows those of `probes`, whose names they must not have.
+void add_landmarks(const StageRun& run, const sim::Model& model, std::vector<sim::Probe>& probes) {
+  const std::filesystem::path file = run.input("landmarks");
+  const Landmarks landmarks = read_landmarks(file);
+  if (landmarks.were_ras) {
+    log::info("{} landmarks are in RAS: taken to LPS", landmarks.all.size());
+  }
+  const auto refuse = [&file](const std::string& name, std::string found, std::string allowed) {
+    throw Error(ExitCode::bad_input, {.where = file.string(),
+                                      .field = name,
+                                      .found = std::move(found),
+                                      .allowed = std::move(allowed)});
+  };
+  for (const auto& [name, place] : landmarks.all) {
+    check_plain_name(name, file.string(), "landmark");
+    if (run.params().at("probes").contains(name)) {
+      refuse(name, "a landmark with the name of a probe", "names that differ");
+    }
+    const auto& [x, y, z] = place;
+    try {
+      probes.push_back(sim::probe_of_point(model, name, mm_to_m * sim::Vec3<double>{x, y, z}));
+    } catch (const sim::Refusal& outside) {
+      refuse(name, outside.found, outside.allowed);
+    }
+  }
+}
+
 }  // namespace
 
 Param probes_param() {
@@ -78,12 +109,26 @@ std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model
     probes.push_back(
         sim::probe_of_centroid(model, name, static_cast<int>(found - model.label_names.begin())));
   }
+  if (run.has_input("landmarks")) add_landmarks(run, model, probes);
   return probes;
 }
 
 sim::Vec3<double> place_mm(const sim::Model& model, const sim::Probe& probe,
                            const sim::Vec3<double>& u) {
   return m_to_mm * (model.origin + probe.mean_of(model.rest) + u);
+}
+
+void write_landmarks(const StageRun& run, const sim::Model& model,
+                     const std::vector<sim::Probe>& probes,
+                     const std::vector<sim::Vec3<double>>& u) {
+  if (!run.has_input("landmarks")) return;
+  std::vector<Landmark> at_end;
+  for (std::size_t k = run.params().at("probes").size(); k < probes.size(); ++k) {
+    const auto place = place_mm(model, probes[k], u[k]);
+    at_end.push_back({probes[k].name, {place.x, place.y, place.z}});
+  }
+  write_atomically(run.out("landmarks.csv"), landmarks_as_table(at_end));
+  write_atomically(run.out("landmarks.mrk.json"), landmarks_as_markups(at_end));
 }
 
 }  // namespace viscera

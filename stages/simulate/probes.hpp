@@ -1,4 +1,5 @@
-// Points and centroids that a run is to follow, as its parameter `probes` names them.
+// Points and centroids that a run is to follow, as its parameter `probes` names them, and landmarks
+// of its input of that role (stages/mesh/landmark_io.hpp).
 #pragma once
 
 #include <vector>
@@ -14,12 +15,18 @@ Param probes_param();
 // Throws Error(bad_config) for what names no probe, whatever the body.
 void check_probes(const StageRun& run);
 
-// The probes of a body. Throws Error(bad_config) for a label that it does not have, and
-// sim::Refusal for a point outside of it.
+// The probes of a body, then the landmarks. Throws Error(bad_config) for a label that it does not
+// have, sim::Refusal for a point outside of it, and Error(bad_input) for a landmark outside.
 std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model);
 
 // Where a probe is that has moved by u, m: LPS mm.
 sim::Vec3<double> place_mm(const sim::Model& model, const sim::Probe& probe,
                            const sim::Vec3<double>& u);
+
+// Where the landmarks, the last of `probes`, are at the end: landmarks.csv and landmarks.mrk.json.
+// [probes] u is how far each has moved. Nothing without landmarks.
+void write_landmarks(const StageRun& run, const sim::Model& model,
+                     const std::vector<sim::Probe>& probes,
+                     const std::vector<sim::Vec3<double>>& u);
 
 }  // namespace viscera

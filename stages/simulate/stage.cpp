@@ -31,6 +31,7 @@
 #include "stages/simulate/scene/schedule.hpp"
 #include "stages/simulate/setup.hpp"
 #include "stages/simulate/solver_choice.hpp"
+#include "stages/simulate/stress_file.hpp"
 #include "stages/trajectory/trajectory_io.hpp"
 
 namespace viscera {
@@ -329,6 +330,7 @@ void simulate(StageRun& run) {
   const auto [options, why] = solver_choice(run, model, file.scene);
   const sim::Element element = report_element(run, file);
   if (run.param<bool>("forces")) check_forces(run, options.method);
+  if (run.param<bool>("stress")) check_stress(run, file.scene, options.method);
   report_scheme(run, options, why);
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
   report_stability(run, stability, file.scene, asked_substeps, options.method);
@@ -398,6 +400,11 @@ void simulate(StageRun& run) {
   write_metrics(run.out("metrics.csv"), model, probes, outcome);
   report_outcome(run, model, file, schedule, outcome);
   report_probes(run, model, probes, outcome);
+  write_landmarks(run, model, probes, outcome.frames.back().probes);
+  if (run.param<bool>("stress")) {
+    write_stress(run, mesh, model, file.scene, outcome.last,
+                 element == sim::Element::quadratic ? 2 : 1);
+  }
   if (run.param<bool>("certify")) report_error_bar(run, model, file, probes, outcome, options);
   if (!outcome.divergence.empty()) {
     report_divergence(run, model, outcome);
@@ -433,6 +440,11 @@ std::vector<Param> params() {
                  .fallback = false,
                  .doc = "finds in every frame what supports, obstacles, springs, loads and gravity "
                         "exert on the body: resultant and moment, in metrics.csv"});
+  all.push_back({.name = "stress",
+                 .type = ParamType::boolean,
+                 .fallback = false,
+                 .doc = "writes the stress and strain of the body at the end, in tets and at their "
+                        "corners: stress.vtu"});
   all.push_back(probes_param());
   all.push_back({.name = "repeat",
                  .type = ParamType::integer,
@@ -449,7 +461,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "14",
+           .version = "15",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},
@@ -458,6 +470,10 @@ const Stage& simulate_stage() {
                        .required = false,
                        .doc = "volume of measured Young's modulus, kPa (elastography): in place of "
                               "the labels' E; 0 or NaN: not measured"},
+                      {.role = "landmarks",
+                       .required = false,
+                       .doc = "points of the body at rest to follow beside `probes`: .csv (name, "
+                              "x, y, z; LPS mm), .fcsv or .mrk.json of 3D Slicer"},
                       {.role = "study",
                        .required = false,
                        .doc = "study.json of viscera-compare, for the param accuracy"},
@@ -470,6 +486,11 @@ const Stage& simulate_stage() {
                        {.file = "checkpoint.h5",
                         .role = "checkpoint",
                         .doc = "the last good state, to go on from"},
+                       {.file = "landmarks.csv", .doc = "where landmarks are at the end, LPS mm"},
+                       {.file = "landmarks.mrk.json", .doc = "the same, for 3D Slicer"},
+                       {.file = "stress.vtu",
+                        .role = "stress",
+                        .doc = "stress and strain at the end, where `stress` asks for them"},
                        {.file = "scene.json",
                         .doc = "the scene as it ran, SI, defaults spelled out"}},
            .params = params(),

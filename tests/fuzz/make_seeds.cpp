@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "pipeline/base/atomic_file.hpp"
+#include "stages/mesh/landmark_io.hpp"
 #include "stages/mesh/surface_io.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
@@ -91,7 +92,7 @@ constexpr const char* input_log = R"({"frame":0,"grab":3}
 )";
 
 void write_seeds(const fs::path& folder) {
-  for (const char* format : {"vtu", "vtp", "msh", "trajectory_bytes", "replay"})
+  for (const char* format : {"vtu", "vtp", "msh", "trajectory_bytes", "replay", "landmarks"})
     fs::create_directories(folder / format);
   const TetMesh mesh = two_tets();
   write_vtu(folder / "vtu/packed.vtu", mesh);
@@ -105,6 +106,11 @@ void write_seeds(const fs::path& folder) {
   write_atomically(folder / "msh/version_2.msh", msh_2);
   write_atomically(folder / "msh/version_1.msh", msh_1);
   write_atomically(folder / "replay/hand.jsonl", input_log);
+  const std::vector<Landmark> landmarks = {{"tip", {1, -2, 3}}, {"F-1", {4.5, 5, -6}}};
+  write_atomically(folder / "landmarks/a.csv", landmarks_as_table(landmarks));
+  write_atomically(folder / "landmarks/a.mrk.json", landmarks_as_markups(landmarks));
+  write_atomically(folder / "landmarks/a.fcsv",
+                   "# CoordinateSystem = RAS\n# columns = id,x,y,z,label\n1,2,3,4,tip\n");
   TrajectoryWriter writer(folder / "trajectory_bytes", mesh);
   const std::vector<float> rest(3 * mesh.points.size(), 1.0f);
   for (const double time : {0.0, 0.04}) writer.append(time, rest);

@@ -56,6 +56,32 @@ TEST_F(Simulate, ForcesAtRestCarryTheWeightAndAreColumnsOfTheMetrics) {
   EXPECT_NE(errors.find("forces on the body at the end, N: gravity"), std::string::npos) << errors;
 }
 
+TEST_F(Simulate, StressAndStrainAtTheEndAreAFileOfTheirOwn) {
+  ASSERT_EQ(run(drop_scene), 0) << errors;
+  EXPECT_FALSE(fs::exists(path("out") / "stress.vtu")) << "not asked for";
+  const std::string held =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  ASSERT_EQ(run(held, {"--set", "stress=true"}), 0) << errors;
+  const double below = metric("von_mises_99").at("liver").get<double>();
+  EXPECT_GT(below, 0.01);  // kPa: rho g h of a body of 6 cm is 0.6
+  EXPECT_LT(below, 1.0);
+  EXPECT_GE(metric("von_mises_max").at("liver").get<double>(), below);
+  EXPECT_NE(errors.find("von Mises stress at the end, kPa: liver"), std::string::npos) << errors;
+  const TetMesh written = read_vtu(path("out") / "stress.vtu");
+  EXPECT_EQ(written.tets.size(), metric("tets").get<std::size_t>());
+  EXPECT_EQ(written.points.size(), metric("vertices").get<std::size_t>()) << "one label";
+  const std::string text = read_file(path("out") / "stress.vtu");
+  for (const char* name : {"cauchy_stress_kPa", "principal_stress_kPa", "von_mises_stress_kPa",
+                           "green_strain", "displacement_mm", "\"J\""}) {
+    EXPECT_NE(text.find(name), std::string::npos) << name;
+  }
+}
+
+TEST_F(Simulate, StressThatNothingTellsIsRefused) {
+  EXPECT_EQ(run(drop_scene, {"--set", "stress=true", "--set", "solver=pbd"}), 3);
+  EXPECT_NE(errors.find("constraints have no stress"), std::string::npos) << errors;
+}
+
 TEST_F(Simulate, ProbesAreFollowedAndHaveErrorBars) {
   const std::string held =
       with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
@@ -88,6 +114,66 @@ TEST_F(Simulate, ProbesThatNameNothingAreRefused) {
   for (const auto& [probes, says] : cases) {
     EXPECT_EQ(run(drop_scene, {"--set", std::string("probes=") + probes}), 3) << probes;
     EXPECT_NE(errors.find(says), std::string::npos) << probes << ": " << errors;
+  }
+}
+
+TEST_F(Simulate, LandmarksOf3DSlicerComeInAndOut) {
+  const std::string held =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  const auto taking = [&](const char* name, const std::string& text) {
+    write_atomically(path(name), text);
+    return run(held, {"--in", "landmarks=" + path(name).string(), "--set",
+                      "probes={all: {centroid: liver}}"});
+  };
+  ASSERT_EQ(taking("a.csv", "name,x,y,z\ntip,1,2,53\nlow,-4,5,26\n"), 0) << errors;
+  const Json end = metric("probe_end");
+  EXPECT_EQ(end.size(), 3u);
+  const std::string table = read_file(path("out") / "landmarks.csv");
+  EXPECT_EQ(std::ranges::count(table, '\n'), 3) << "the centroid is no landmark";
+  // The other two formats, one of them in RAS, name the same points: to the last digit.
+  ASSERT_EQ(taking("a.fcsv",
+                   "# Markups fiducial file version = 4.11\n# CoordinateSystem = RAS\n"
+                   "# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n"
+                   "1,-1,-2,53,0,0,0,1,1,1,0,tip,,\n2,4,-5,26,0,0,0,1,1,1,0,low,,\n"),
+            0)
+      << errors;
+  EXPECT_NE(errors.find("are in RAS"), std::string::npos) << errors;
+  EXPECT_EQ(read_file(path("out") / "landmarks.csv"), table);
+  ASSERT_EQ(
+      taking("a.mrk.json",
+             R"({"markups": [{"type": "Fiducial", "coordinateSystem": "LPS", "controlPoints": [
+                 {"label": "tip", "position": [1, 2, 53]}, {"label": "low", "position": [-4, 5, 26]}
+                ]}]})"),
+      0)
+      << errors;
+  EXPECT_EQ(read_file(path("out") / "landmarks.csv"), table);
+  // What comes out goes in again: the places at the end are points of another run's rest.
+  fs::copy_file(path("out") / "landmarks.mrk.json", path("again.mrk.json"));
+  const JsonText again = read_json(path("again.mrk.json"));
+  const JsonValue tip = again.root()["markups"][0]["controlPoints"][0];
+  EXPECT_EQ(tip["label"].text(), "tip");
+  for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(tip["position"][k].number(), end["tip"][k]);
+}
+
+TEST_F(Simulate, LandmarksThatCannotBeFollowedAreRefusedByName) {
+  const std::array<const char*, 3> cases[] = {
+      {"a.csv", "name,x,y,z\ntip,1,2,530\n", "mm outside of the body"},
+      {"a.csv", "name,x,y,z\ntip,1,2\n", "line 2"},
+      {"a.csv", "name,x,y,z\ntip,1,2,5e\n", "a coordinate in mm"},
+      {"a.csv", "name,x,y\ntip,1,2\n", "no column z"},
+      {"a.csv", "name,x,y,z\ntip,1,2,53\ntip,1,2,52\n", "stands twice"},
+      {"a.csv", "name,x,y,z\nall,1,2,53\n", "the name of a probe"},
+      {"a.fcsv", "# CoordinateSystem = XYZ\n", "LPS or RAS"},
+      {"a.mrk.json", R"({"markups": [{"controlPoints": [{"label": "tip"}]}]})", "position"},
+      {"a.txt", "tip 1 2 3", ".csv, .fcsv or .mrk.json"},
+  };
+  for (const auto& [name, text, says] : cases) {
+    write_atomically(path(name), text);
+    EXPECT_EQ(run(drop_scene, {"--in", "landmarks=" + path(name).string(), "--set",
+                               "probes={all: {centroid: liver}}"}),
+              4)
+        << text;
+    EXPECT_NE(errors.find(says), std::string::npos) << text << ": " << errors;
   }
 }
 

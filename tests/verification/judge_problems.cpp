@@ -17,7 +17,10 @@
 #include <stdexcept>
 
 #include "pipeline/base/atomic_file.hpp"
+#include "sim/element_choice.hpp"
 #include "sim/measures/reactions.hpp"
+#include "sim/solvers/fem/mesh.hpp"
+#include "sim/stress_field.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/verification/problems.hpp"
 
@@ -26,23 +29,31 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void write_deck(const fs::path& file, const Model& model) {
+template <int n>
+void write_elements(std::ostream& out, const std::vector<FemElement<n>>& elements) {
+  for (std::size_t t = 0; t < elements.size(); ++t) {
+    out << t + 1;
+    for (const int node : elements[t].nodes) out << ", " << node + 1;
+    out << '\n';
+  }
+}
+
+// `prints`: what is asked of the end of the step.
+void write_deck(const fs::path& file, const Model& model, const FemMesh& mesh, const char* prints) {
   std::ofstream out(file);
   out.precision(12);  // CalculiX reads 20 characters a number
   out << "*NODE, NSET=ALL\n";
-  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
-    const auto& x = model.rest[i];
+  for (std::size_t i = 0; i < mesh.node_count(); ++i) {
+    const auto& x = mesh.rest[i];
     out << i + 1 << ", " << x.x << ", " << x.y << ", " << x.z << '\n';
   }
-  out << "*ELEMENT, TYPE=C3D4, ELSET=BODY\n";
-  for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    out << t + 1;
-    for (const int v : model.tets[t]) out << ", " << v + 1;
-    out << '\n';
-  }
+  // Nodes of ten have the same order in both programs.
+  out << "*ELEMENT, TYPE=" << (mesh.order == 1 ? "C3D4" : "C3D10") << ", ELSET=BODY\n";
+  write_elements(out, mesh.linear);
+  write_elements(out, mesh.quadratic);
   out << "*NSET, NSET=CLAMP\n";
-  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
-    if (model.fixed[i]) out << i + 1 << ",\n";
+  for (std::size_t i = 0; i < mesh.node_count(); ++i) {
+    if (mesh.fixed[i]) out << i + 1 << ",\n";
   }
   const Material& m = model.materials.front();
   const double bulk = m.youngs_modulus / (3.0 * (1.0 - 2.0 * m.poisson_ratio));
@@ -51,7 +62,7 @@ void write_deck(const fs::path& file, const Model& model) {
       << m.density << "\n*SOLID SECTION, ELSET=BODY, MATERIAL=TISSUE\n"
       << "*BOUNDARY\nCLAMP, 1, 3\n"
       << "*STEP, NLGEOM, INC=1000\n*STATIC\n0.25, 1.\n*DLOAD\nBODY, GRAV, 9.80665, 0., 0., -1.\n"
-      << "*NODE PRINT, NSET=ALL, FREQUENCY=1000\nU, RF\n*END STEP\n";
+      << prints << "*END STEP\n";
 }
 
 struct Judgement {
@@ -83,13 +94,41 @@ Judgement read_judgement(const fs::path& file, const Model& model) {
   return out;
 }
 
-Judgement judged(const Model& model) {
+// What `read` makes of what CalculiX leaves: the file `bar` with an extension.
+template <class Read>
+auto judged(const Model& model, int order, const char* prints, const char* extension, Read&& read) {
   const TemporaryFolder folder{fs::temp_directory_path()};
-  write_deck(folder.path() / "bar.inp", model);
+  write_deck(folder.path() / "bar.inp", model, FemMesh(model, order), prints);
   const std::string command =
       fmt::format("cd '{}' && OMP_NUM_THREADS=1 ccx bar > log 2>&1", folder.path().string());
   if (std::system(command.c_str()) != 0) throw std::runtime_error("CalculiX failed");
-  return read_judgement(folder.path() / "bar.dat", model);
+  return read(folder.path() / (std::string("bar") + extension), model);
+}
+
+Judgement judged(const Model& model) {
+  return judged(model, 1, "*NODE PRINT, NSET=ALL, FREQUENCY=1000\nU, RF\n", ".dat", read_judgement);
+}
+
+// [vertices] Pa: Cauchy's stress at the nodes, extrapolated from the points of quadrature and
+// averaged over elements. A block of lines ` -1`, a node in 10 columns and six numbers in 12 each,
+// after the line that names STRESS.
+std::vector<Tensor6> read_stress(const fs::path& file, const Model& model) {
+  std::vector<Tensor6> stress(model.vertex_count());
+  std::ifstream in(file);
+  std::size_t found = 0;
+  bool is_stress = false;
+  for (std::string line; std::getline(in, line);) {
+    if (line.starts_with(" -4")) is_stress = line.find("STRESS") != std::string::npos;
+    if (!is_stress || !line.starts_with(" -1") || line.size() < 13 + 6 * 12) continue;
+    const auto node = static_cast<std::size_t>(std::stoul(line.substr(3, 10)));
+    if (node < 1 || node > stress.size()) continue;
+    for (int k = 0; k < 6; ++k) stress[node - 1][k] = std::stod(line.substr(13 + 12 * k, 12));
+    ++found;
+  }
+  if (found != stress.size()) {
+    throw std::runtime_error(fmt::format("CalculiX wrote {} of {} stresses", found, stress.size()));
+  }
+  return stress;
 }
 
 // What the clamp exerts: how far its resultant is off CalculiX's, its moment about the body's
@@ -117,6 +156,51 @@ ClampError clamp_error(const Model& model, const State& found, const Judgement& 
   }
   return {norm(clamp.force - judged.force) / norm(judged.force),
           norm(clamp.moment - judged.moment) / (lever * norm(judged.force)), std::sqrt(off / all)};
+}
+
+// Root mean square over the vertices farther than `off_m` from the clamp, at whose edges stresses
+// grow without bound, of what the stresses are off; over that of the true ones.
+double stress_error(const Model& model, const StressField& field, const std::vector<Tensor6>& truth,
+                    double off_m) {
+  double off = 0.0, all = 0.0;
+  for (std::size_t c = 0; c < field.corners.size(); ++c) {
+    const int v = field.corners[c].vertex;
+    if (model.rest[v].x + model.origin.x < off_m) continue;
+    for (int k = 0; k < 6; ++k) {
+      const double twice = k < 3 ? 1.0 : 2.0;  // shear stands twice in the tensor
+      off += twice * std::pow(field.recovered[c].cauchy[k] - truth[v][k], 2);
+      all += twice * std::pow(truth[v][k], 2);
+    }
+  }
+  return std::sqrt(off / all);
+}
+
+void add_stress_rows(std::vector<Row>& rows) {
+  const auto add = [&rows](const char* solver, Element element, double bound) {
+    rows.push_back(
+        {"judge", "stress at the vertices of a bar of 3,600 tets against CalculiX's quadratic tets",
+         solver, "fp64", [=]() -> Outcome {
+           const Model model = judged_bar({20, 6, 6}, 5e4, 0.3);
+           const auto truth = judged(model, 2, "*EL FILE\nS\n", ".frd", read_stress);
+           Scene scene = own_weight();
+           set_element(scene.effects, element);
+           const int order = element == Element::quadratic ? 2 : 1;
+           SolverOptions options{.method = Method::fem, .threads = 1};
+           options.fem.time = FemOptions::Time::quasi_static;
+           options.fem.order = order;
+           const auto newton = make_on_cpu(model, scene, options);
+           newton->advance_frame();
+           const StressField field = stress_field(model, scene, newton->state(), order);
+           const double cell = 0.005;
+           return {{{"error beyond two cells of the clamp",
+                     stress_error(model, field, truth, 2.0 * cell), bound}},
+                   fmt::format("{:.3g} with the clamp", stress_error(model, field, truth, -1.0)),
+                   ""};
+         }});
+  };
+  add("fem, quadratic tets", Element::quadratic, 0.02);
+  add("fem, smoothed elements", Element::smoothed, 0.02);
+  add("fem, linear tets", Element::linear, 0.02);
 }
 
 struct Size {
@@ -169,6 +253,7 @@ void add_judge_problems(std::vector<Row>& rows) {
   add_size(rows, {{10, 3, 3}, "450", -25.78});
   add_size(rows, {{20, 6, 6}, "3,600", -30.91});
   add_size(rows, {{40, 12, 12}, "28,800", -32.90});
+  add_stress_rows(rows);
 }
 
 }  // namespace viscera::sim

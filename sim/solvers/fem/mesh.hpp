@@ -7,6 +7,7 @@
 
 #include "sim/model/edge_domains.hpp"
 #include "sim/model/model.hpp"
+#include "sim/model/state.hpp"
 
 namespace viscera::sim {
 
@@ -21,6 +22,8 @@ struct QuadraturePoint {
 template <int n>
 struct FemElement {
   static constexpr int point_count = n == 10 ? 4 : 1;  // exact for the products of the gradients
+  // Of ten nodes, point p lies so far from the centroid towards corner p: 1 / sqrt(5).
+  static constexpr double point_reach = 0.44721359549995793;
   std::array<int, n> nodes;
   std::array<QuadraturePoint<n>, point_count> points;
 };
@@ -72,6 +75,9 @@ struct FemMesh {
 
   // A field of the vertices on all nodes: midside nodes take the mean of their ends.
   std::vector<Vec3<double>> on_nodes(std::vector<Vec3<double>> field) const;
+  // A state's displacements on all nodes: those of midside nodes stand at the front of the history
+  // of a state of finite elements of second order (fem.cpp).
+  std::vector<Vec3<double>> displacements(const State& state) const;
 
  private:
   int midside(const Model& model, int a, int b);

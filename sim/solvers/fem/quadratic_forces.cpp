@@ -22,12 +22,7 @@ std::function<std::vector<Vec3<double>>(const Model&, const State&)> quadratic_f
     const std::size_t vertices = now.vertex_count();
     tissue->term.retune(now);
     const FemMesh& mesh = tissue->mesh;
-    NodeField u = mesh.on_nodes(state.u);
-    // Midside nodes stand at the front of the history (fem.cpp).
-    for (std::size_t m = 0; 3 * (m + 1) <= state.history.size() && vertices + m < u.size(); ++m) {
-      const double* at = &state.history[3 * m];
-      u[vertices + m] = {at[0], at[1], at[2]};
-    }
+    const NodeField u = mesh.displacements(state);
     const NodeField still(u.size());
     FemForces forces(u.size());
     tissue->term.add_forces({u, still, {1.0, 0.0}}, forces);

@@ -1,0 +1,53 @@
+// Stress and strain of a body as it is deformed: in its tets, and recovered at its vertices.
+//
+// Both are best known where an element has its points of quadrature: a linear tet at its centroid,
+// a smoothed element at that of its tets, a quadratic tet at four points. A tet has the mean of
+// those in it, by volume. At a vertex stands the value of a linear function that is fitted to the
+// points around it by least squares (superconvergent patch recovery: Zienkiewicz and Zhu, "The
+// superconvergent patch recovery and a posteriori error estimates. Part 1", Int. J. Numer. Methods
+// Eng. 33, 1992). No patch mixes materials, for stress jumps from one to the other: a vertex that
+// materials share has a value in each.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "sim/model/model.hpp"
+#include "sim/model/state.hpp"
+#include "sim/scene/scene.hpp"
+
+namespace viscera::sim {
+
+using Tensor6 = std::array<double, 6>;  // xx, yy, zz, xy, yz, xz, as VTK has them
+
+Mat3<double> full(const Tensor6& tensor);
+std::array<double, 3> principal_values(const Tensor6& tensor);  // the largest first
+
+struct Strained {
+  Tensor6 cauchy{};           // Pa, without viscosity
+  Tensor6 green{};            // (F^T F - I) / 2
+  double volume_ratio = 0.0;  // det F
+};
+
+struct StressField {
+  std::vector<Strained> tets;  // [m]
+  // A vertex in a material, in ascending order.
+  struct Corner {
+    int vertex, material;  // material: of Model::materials
+    bool operator==(const Corner&) const = default;
+    auto operator<=>(const Corner&) const = default;
+  };
+  std::vector<Corner> corners;      // [k]
+  std::vector<Strained> recovered;  // [k]
+  std::vector<Tet> corners_of;      // [m] of each tet, indices into `corners`
+};
+
+// With the elements of the scene: linear or smoothed, or quadratic tets (`order` 2), whose state is
+// one of the finite elements of second order.
+StressField stress_field(const Model& model, const Scene& scene, const State& state, int order);
+
+// Whether the scene's tets have energies that stresses can be told from: shape matching and springs
+// along edges have none.
+bool has_stress(const Scene& scene);
+
+}  // namespace viscera::sim

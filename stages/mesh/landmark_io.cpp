@@ -1,0 +1,187 @@
+#include "stages/mesh/landmark_io.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <sstream>
+
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/json_value.hpp"
+
+namespace viscera {
+namespace {
+
+namespace fs = std::filesystem;
+
+Error bad_file(const fs::path& path, std::string field, std::string found, std::string allowed) {
+  return Error(ExitCode::bad_input, {.where = path.string(),
+                                     .field = std::move(field),
+                                     .found = std::move(found),
+                                     .allowed = std::move(allowed)});
+}
+
+// Whether a file's frame is RAS; 3D Slicer also writes RAS as 0 and LPS as 1.
+bool is_ras(const fs::path& path, const std::string& field, const std::string& frame) {
+  if (frame == "RAS" || frame == "0") return true;
+  if (frame == "LPS" || frame == "1") return false;
+  throw bad_file(path, field, "'" + frame + "'", "LPS or RAS");
+}
+
+Landmark landmark_of(std::string name, std::array<double, 3> place, bool ras) {
+  if (ras) place[0] = -place[0], place[1] = -place[1];
+  return {std::move(name), place};
+}
+
+std::string trimmed(const std::string& text) {
+  const auto begin = text.find_first_not_of(" \t\r\""), end = text.find_last_not_of(" \t\r\"");
+  return begin == std::string::npos ? "" : text.substr(begin, end - begin + 1);
+}
+
+std::vector<std::string> cells_of(const std::string& line) {
+  std::vector<std::string> cells;
+  std::istringstream in(line);
+  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(trimmed(cell));
+  return cells;
+}
+
+// Where a table has its names and places.
+struct Columns {
+  std::array<std::size_t, 3> place;
+  std::size_t name;
+
+  static Columns of(const fs::path& path, const std::vector<std::string>& heads,
+                    const std::string& name) {
+    const auto find = [&](const std::string& head) {
+      const auto found = std::ranges::find_if(
+          heads, [&](const auto& own) { return own == head || own == head + "_mm"; });
+      if (found == heads.end()) {
+        throw bad_file(path, "columns", fmt::format("no column {}", head),
+                       fmt::format("columns {}, x, y and z", name));
+      }
+      return static_cast<std::size_t>(found - heads.begin());
+    };
+    return {{find("x"), find("y"), find("z")}, find(name)};
+  }
+};
+
+double coordinate(const fs::path& path, std::size_t line, const std::string& cell) {
+  std::size_t read = 0;
+  double value = NAN;
+  try {
+    value = std::stod(cell, &read);
+  } catch (const std::logic_error&) {  // said below
+  }
+  if (read != cell.size() || !std::isfinite(value)) {
+    throw bad_file(path, fmt::format("line {}", line), "'" + cell + "'", "a coordinate in mm");
+  }
+  return value;
+}
+
+// A table with its heads in the first line, or after `# columns =` where lines with # come first.
+Landmarks read_table(const fs::path& path, const std::string& name) {
+  Landmarks landmarks;
+  std::optional<Columns> columns;
+  std::istringstream in(read_file(path));
+  std::size_t number = 0;
+  for (std::string line; std::getline(in, line);) {
+    ++number;
+    if (trimmed(line).empty()) continue;
+    if (line.starts_with('#')) {
+      const auto equals = line.find('=');
+      if (equals == std::string::npos) continue;
+      const std::string key = trimmed(line.substr(1, equals - 1)), value = line.substr(equals + 1);
+      if (key == "columns") columns = Columns::of(path, cells_of(value), name);
+      if (key == "CoordinateSystem") {
+        landmarks.were_ras = is_ras(path, fmt::format("line {}", number), trimmed(value));
+      }
+      continue;
+    }
+    const std::vector<std::string> cells = cells_of(line);
+    if (!columns) {
+      columns = Columns::of(path, cells, name);
+      continue;
+    }
+    const auto& [place, own_name] = *columns;
+    if (cells.size() <= std::max({place[0], place[1], place[2], own_name})) {
+      throw bad_file(path, fmt::format("line {}", number), fmt::format("{} cells", cells.size()),
+                     "a cell for each column");
+    }
+    std::array<double, 3> at{};
+    for (int k = 0; k < 3; ++k) at[k] = coordinate(path, number, cells[place[k]]);
+    landmarks.all.push_back(landmark_of(cells[own_name], at, landmarks.were_ras));
+  }
+  return landmarks;
+}
+
+Landmarks read_markups(const fs::path& path) {
+  Landmarks landmarks;
+  const JsonText text = read_json(path);
+  for (const JsonValue& markup : text.root()["markups"].items()) {
+    const auto frame = markup.find("coordinateSystem");
+    const bool ras = frame && is_ras(path, "coordinateSystem", frame->text());
+    landmarks.were_ras |= ras;
+    for (const JsonValue& point : markup["controlPoints"].items()) {
+      std::array<double, 3> at{};
+      for (std::size_t k = 0; k < 3; ++k) at[k] = point["position"][k].number();
+      landmarks.all.push_back(landmark_of(point["label"].text(), at, ras));
+    }
+  }
+  return landmarks;
+}
+
+}  // namespace
+
+Landmarks read_landmarks(const fs::path& path) {
+  const std::string file = path.filename().string();
+  Landmarks landmarks;
+  if (file.ends_with(".json")) {
+    landmarks = read_markups(path);
+  } else if (file.ends_with(".fcsv")) {
+    landmarks = read_table(path, "label");
+  } else if (file.ends_with(".csv")) {
+    landmarks = read_table(path, "name");
+  } else {
+    throw bad_file(path, "", "a name that ends otherwise", ".csv, .fcsv or .mrk.json");
+  }
+  std::set<std::string> names;
+  for (const auto& [name, place] : landmarks.all) {
+    if (name.empty()) throw bad_file(path, "", "a landmark without a name", "a name for each");
+    if (!names.insert(name).second) {
+      throw bad_file(path, name, "a name that stands twice", "names that differ");
+    }
+  }
+  return landmarks;
+}
+
+std::string landmarks_as_markups(const std::vector<Landmark>& landmarks) {
+  Json points = Json::array();
+  for (const auto& [name, place] : landmarks) {
+    points.push_back({{"id", std::to_string(points.size() + 1)},
+                      {"label", name},
+                      {"position", place},
+                      {"positionStatus", "defined"}});
+  }
+  const Json markup = {{"type", "Fiducial"},
+                       {"coordinateSystem", "LPS"},
+                       {"coordinateUnits", "mm"},
+                       {"controlPoints", points}};
+  return Json{{"@schema",
+               "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
+               "Resources/Schema/markups-schema-v1.0.3.json#"},
+              {"markups", Json::array({markup})}}
+             .dump(1) +
+         "\n";
+}
+
+std::string landmarks_as_table(const std::vector<Landmark>& landmarks) {
+  std::string text = "name,x_mm,y_mm,z_mm\n";
+  for (const auto& [name, place] : landmarks) {
+    text += fmt::format("{},{:.9g},{:.9g},{:.9g}\n", name, place[0], place[1], place[2]);
+  }
+  return text;
+}
+
+}  // namespace viscera

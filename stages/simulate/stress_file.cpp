@@ -1,0 +1,115 @@
+#include "stages/simulate/stress_file.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
+#include "sim/base/von_mises.hpp"
+#include "sim/stress_field.hpp"
+#include "stages/mesh/tet_io.hpp"
+#include "stages/simulate/body.hpp"
+
+namespace viscera {
+namespace {
+
+constexpr double pa_to_kpa = 1e-3;
+// Of a label's volume: a single tet at the border of a support has as much as its size allows.
+constexpr double most_of_it = 0.99;
+
+double von_mises_kpa(const sim::Strained& s) {
+  return pa_to_kpa * sim::von_mises(sim::full(s.cauchy));
+}
+
+template <std::size_t n>
+void append(FieldArray& to, double scale, const std::array<double, n>& values) {
+  for (const double value : values) to.values.push_back(static_cast<float>(scale * value));
+}
+
+std::vector<FieldArray> arrays_of(const std::vector<sim::Strained>& places) {
+  const std::vector<std::string> tensor = {"XX", "YY", "ZZ", "XY", "YZ", "XZ"},
+                                 in_order = {"1", "2", "3"};
+  FieldArray cauchy{"cauchy_stress_kPa", tensor, {}}, green{"green_strain", tensor, {}};
+  FieldArray stresses{"principal_stress_kPa", in_order, {}},
+      strains{"principal_green_strain", in_order, {}};
+  FieldArray von_mises{"von_mises_stress_kPa", {""}, {}}, ratio{"J", {""}, {}};
+  for (const sim::Strained& s : places) {
+    append(cauchy, pa_to_kpa, s.cauchy);
+    append(green, 1.0, s.green);
+    append(stresses, pa_to_kpa, sim::principal_values(s.cauchy));
+    append(strains, 1.0, sim::principal_values(s.green));
+    append<1>(von_mises, 1.0, {von_mises_kpa(s)});
+    append<1>(ratio, 1.0, {s.volume_ratio});
+  }
+  return {cauchy, stresses, von_mises, green, strains, ratio};
+}
+
+// The mesh with a point for each corner of the field.
+TetMesh split(const TetMesh& mesh, const sim::StressField& field) {
+  TetMesh own = mesh;
+  own.tets = field.corners_of;
+  own.points.clear();
+  for (const auto& corner : field.corners) own.points.push_back(mesh.points[corner.vertex]);
+  return own;
+}
+
+// By label: what `most_of_it` of its volume has at most, and the largest of its tets.
+void report(StageRun& run, const TetMesh& mesh, const sim::Model& model,
+            const sim::StressField& field) {
+  std::map<std::string, std::vector<std::pair<double, double>>> by_label;  // kPa, m3
+  for (std::size_t t = 0; t < field.tets.size(); ++t) {
+    by_label[mesh.label_names.at(mesh.labels[t])].emplace_back(von_mises_kpa(field.tets[t]),
+                                                               model.volume[t]);
+  }
+  Json below = Json::object(), largest = Json::object();
+  std::vector<std::string> texts;
+  for (auto& [label, tets] : by_label) {
+    std::sort(tets.begin(), tets.end());
+    double volume = 0.0, so_far = 0.0;
+    for (const auto& tet : tets) volume += tet.second;
+    const auto reached = std::find_if(tets.begin(), tets.end() - 1, [&](const auto& tet) {
+      return (so_far += tet.second) >= most_of_it * volume;
+    });
+    below[label] = reached->first;
+    largest[label] = tets.back().first;
+    texts.push_back(fmt::format("{} {:.3g} or less in {:.0f} % of it, at most {:.3g}", label,
+                                reached->first, 100.0 * most_of_it, tets.back().first));
+  }
+  run.metric("von_mises_99", below, "kPa");
+  run.metric("von_mises_max", largest, "kPa");
+  log::info("von Mises stress at the end, kPa: {}", fmt::join(texts, "; "));
+}
+
+}  // namespace
+
+void check_stress(const StageRun& run, const sim::Scene& scene, sim::Method method) {
+  const auto refuse = [&run](std::string found) {
+    throw Error(ExitCode::bad_config,
+                {.where = run.input("scene").string(),
+                 .field = "stress",
+                 .found = std::move(found),
+                 .allowed = "a solver and effects whose stress is known",
+                 .remedy = "solver: xpbd with neo_hookean, or stress: false"});
+  };
+  if (method == sim::Method::pbd) refuse("solver: pbd, whose constraints have no stress");
+  if (!sim::has_stress(scene)) refuse("effects without an energy of the strain");
+}
+
+void write_stress(StageRun& run, const TetMesh& mesh, const sim::Model& model,
+                  const sim::Scene& scene, const sim::State& state, int order) {
+  const sim::StressField field = sim::stress_field(model, scene, state, order);
+  std::vector<FieldArray> at_points = arrays_of(field.recovered);
+  FieldArray moved{"displacement_mm", {"X", "Y", "Z"}, {}}, vertex{"vertex", {""}, {}};
+  for (const auto& corner : field.corners) {
+    const auto& u = state.u[corner.vertex];
+    append<3>(moved, m_to_mm, {u.x, u.y, u.z});
+    append<1>(vertex, 1.0, {static_cast<double>(corner.vertex)});
+  }
+  at_points.insert(at_points.begin(), {moved, vertex});
+  write_vtu(run.out("stress.vtu"), split(mesh, field), at_points, arrays_of(field.tets));
+  report(run, mesh, model, field);
+}
+
+}  // namespace viscera

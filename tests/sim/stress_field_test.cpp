@@ -1,0 +1,125 @@
+// Stress and strain in tets and at their corners, against closed forms.
+#include "sim/stress_field.hpp"
+
+#include <gtest/gtest.h>
+
+#include "sim/base/von_mises.hpp"
+#include "sim/element_choice.hpp"
+#include "sim/solvers/fem/mesh.hpp"
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+template <class Displacement>
+State displaced(const Model& model, Displacement&& displacement) {
+  State state{{}, std::vector<Vec3<double>>(model.vertex_count())};
+  for (const auto& x : model.rest) state.u.push_back(displacement(x + model.origin));
+  return state;
+}
+
+Scene scene_of(Element element) {
+  Scene scene = elastic_scene();
+  set_element(scene.effects, element);
+  return scene;
+}
+
+int order_of(Element element) {
+  return element == Element::quadratic ? 2 : 1;
+}
+
+// The field of all tets and corners is the same; `place` tells which is off.
+void expect_everywhere(const StressField& field, const Strained& exact, double modulus) {
+  for (const auto* places : {&field.tets, &field.recovered}) {
+    for (std::size_t p = 0; p < places->size(); ++p) {
+      for (int k = 0; k < 6; ++k) {
+        ASSERT_NEAR((*places)[p].cauchy[k], exact.cauchy[k], 1e-6 * modulus) << p << ' ' << k;
+        ASSERT_NEAR((*places)[p].green[k], exact.green[k], 1e-9) << p << ' ' << k;
+      }
+      ASSERT_NEAR((*places)[p].volume_ratio, exact.volume_ratio, 1e-9) << p;
+    }
+  }
+}
+
+// Simple shear of a Neo-Hookean solid: sigma_12 = mu gamma, sigma_11 = mu gamma^2.
+TEST(StressField, OfAShearedBodyIsThatOfTheClosedFormInEveryElement) {
+  const Model model = make_cube(3);
+  const double gamma = 0.4, mu = lame(soft_tissue).mu;
+  const State sheared = displaced(model, [&](const Vec3<double>& x) {
+    return Vec3<double>{gamma * x.y, 0.0, 0.0};
+  });
+  const Strained exact{.cauchy = {mu * gamma * gamma, 0.0, 0.0, mu * gamma, 0.0, 0.0},
+                       .green = {0.0, 0.5 * gamma * gamma, 0.0, 0.5 * gamma, 0.0, 0.0},
+                       .volume_ratio = 1.0};
+  for (const Element element : {Element::linear, Element::smoothed, Element::quadratic}) {
+    SCOPED_TRACE(static_cast<int>(element));
+    expect_everywhere(stress_field(model, scene_of(element), sheared, order_of(element)), exact,
+                      mu);
+  }
+}
+
+// Bending: sigma_xx = -E k z, linear in space. Quadratic tets have it at their points, and patches
+// to the corners of the bar, where they lie on one side only.
+TEST(StressField, OfABentBarIsExactAtItsSurface) {
+  const Model model = make_box({0.1, 0.04, 0.04}, {5, 2, 2}, soft_tissue);
+  const double k = 1e-5, nu = soft_tissue.poisson_ratio;  // k: 1/m
+  const auto middle = [](const Vec3<double>& x) { return x - Vec3<double>{0.0, 0.02, 0.02}; };
+  const auto bent = [&](const Vec3<double>& x) {
+    const Vec3<double> p = middle(x);
+    return Vec3<double>{-k * p.x * p.z, nu * k * p.y * p.z,
+                        0.5 * k * (p.x * p.x + nu * (p.z * p.z - p.y * p.y))};
+  };
+  State state = displaced(model, bent);
+  const FemMesh mesh(model, 2);
+  for (std::size_t m = model.vertex_count(); m < mesh.node_count(); ++m) {
+    const Vec3<double> u = bent(mesh.rest[m] + model.origin);
+    state.history.insert(state.history.end(), {u.x, u.y, u.z});
+  }
+  const StressField field = stress_field(model, elastic_scene(), state, 2);
+  const double modulus = soft_tissue.youngs_modulus * k;
+  for (std::size_t c = 0; c < field.corners.size(); ++c) {
+    const double z = middle(model.rest[field.corners[c].vertex] + model.origin).z;
+    EXPECT_NEAR(field.recovered[c].cauchy[0], -modulus * z, 1e-3 * modulus * 0.02) << c;
+    EXPECT_NEAR(von_mises(full(field.recovered[c].cauchy)), std::abs(modulus * z),
+                1e-3 * modulus * 0.02);
+  }
+}
+
+// Two tissues on one another: strains jump at the interface, and its vertices have one in each.
+TEST(StressField, IsNotMixedAcrossTheBorderOfTwoTissues) {
+  Model model = make_cube(4);
+  model.materials.push_back(model.materials.front());
+  model.materials[1].youngs_modulus *= 10.0;
+  const double half = 0.025, strain = 1e-4;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    double z = model.origin.z;
+    for (const int v : model.tets[t]) z += 0.25 * model.rest[v].z;
+    model.material_of[t] = z > half;
+  }
+  const State stretched = displaced(model, [&](const Vec3<double>& x) {
+    return Vec3<double>{0.0, 0.0,
+                        strain * std::min(x.z, half) + 0.1 * strain * std::max(x.z - half, 0.0)};
+  });
+  for (const Element element : {Element::linear, Element::smoothed}) {
+    const StressField field = stress_field(model, scene_of(element), stretched, 1);
+    std::size_t shared = 0;
+    for (std::size_t c = 0; c < field.corners.size(); ++c) {
+      const auto [vertex, material] = field.corners[c];
+      const double own = material == 0 ? strain : 0.1 * strain;
+      EXPECT_NEAR(field.recovered[c].green[2], own, 1e-3 * strain) << c;
+      EXPECT_EQ(field.corners_of.size(), model.tet_count());
+      shared += c > 0 && field.corners[c - 1].vertex == vertex;
+    }
+    EXPECT_EQ(shared, 25u);
+  }
+}
+
+TEST(StressField, NeedsALawWithAnEnergy) {
+  Scene scene;
+  EXPECT_FALSE(has_stress(scene));
+  EXPECT_TRUE(has_stress(elastic_scene()));
+  EXPECT_TRUE(has_stress(scene_of(Element::smoothed)));
+}
+
+}  // namespace
+}  // namespace viscera::sim
