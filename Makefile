@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        docs gallery live soak bench-solver bench-body bench-error bench-support bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
+        docs gallery live soak measured bench-solver bench-body bench-error bench-support bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -153,6 +153,13 @@ bench-error: build ## error bars beside true errors, where these are known: BENC
 BENCH_SUPPORT_CSV ?= out/bench/support.csv
 bench-support: build ## what a support's border costs, by region and by vertices: BENCH_SUPPORT_MESHES (the first is the reference), _CSV
 	@mkdir -p out/bench && $(BIN)/bench_support $(BENCH_SUPPORT_CSV) 0.45 $(BENCH_SUPPORT_MESHES)
+
+# Where the data of measured bodies lie (docs/results/measured/measured.md says which and whence); those that
+# are not there are skipped.
+VISCERA_MEASURED ?=
+MEASURED_OUT ?= out/measured
+measured: build ## measured bodies beside what is computed of them, with pictures: VISCERA_MEASURED (the data's folder), MEASURED_OUT
+	@$(BIN)/measured $(MEASURED_OUT) $(VISCERA_MEASURED)
 
 bench-gpu: $(BENCH)/mesh.vtu ## what accuracy costs on this machine's GPU: BENCH_MESHES
 	@mkdir -p out/bench && $(BIN)/bench_gpu out/bench/gpu.csv 5 0.45 $(BENCH_MESHES)
