@@ -195,6 +195,7 @@ void add_to_plan(Plan& plan, const std::vector<Candidate>& stages, const MadeByR
   const std::size_t begin = plan.size();
   for (const std::size_t i : order) {
     PlannedStage stage{stages[i].program, params[i], {}, case_name, gathers};
+    for (const auto& given : stages[i].spec->params) stage.origins[given.name] = given.where;
     for (auto& [input, in_list] : inputs[i]) {
       if (in_list) {
         const auto place = std::find(order.begin(), order.end(), input.producers.front());

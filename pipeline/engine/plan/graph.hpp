@@ -6,6 +6,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,7 @@ struct PlannedStage {
   std::vector<PlannedInput> inputs;  // in the stage's declared order; optional ones only if fed
   std::string case_name;             // empty: without cases, or a gathering stage
   bool gathers = false;
+  std::map<std::string, std::string> origins = {};  // of the params that the spec sets: where
 
   const std::string& name() const { return program.info.name; }
   // It may want a GPU: it declares a param `device` that may be cuda, and that does not say cpu.

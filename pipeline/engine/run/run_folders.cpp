@@ -34,6 +34,17 @@ bool RunFolders::is_last(std::size_t stage) const {
   return stage + 1 == plan_.size() || plan_[stage + 1].case_name != plan_[stage].case_name;
 }
 
+// A case's stages follow one another in the plan.
+std::vector<std::string> RunFolders::stages_beside(std::size_t stage) const {
+  std::size_t i = stage;
+  while (i > 0 && !is_last(i - 1)) --i;
+  std::vector<std::string> names;
+  do {
+    names.push_back(plan_[i].name());
+  } while (!is_last(i++));
+  return names;
+}
+
 bool RunFolders::may_open(std::size_t stage) const {
   return is_open(stage) || open_.size() < max_open;
 }
@@ -45,7 +56,9 @@ bool RunFolders::open(std::size_t stage, std::string& held_by) {
   auto lock = FileLock::attempt(
       folder / ".lock", "run " + folder.lexically_relative(out_.parent_path()).string(), held_by);
   if (!lock) return false;
-  open_.emplace(folder, Open{std::move(lock), RunRecord(folder / run_record_name)});
+  const auto [opened, added] =
+      open_.emplace(folder, Open{std::move(lock), RunRecord(folder / run_record_name)});
+  opened->second.record.set_planned(stages_beside(stage));
   return true;
 }
 
@@ -73,7 +86,7 @@ void RunFolders::lay_out(std::size_t stage, const Entry& entry, Store& store,
     for (const auto& output : entry.manifest.outputs) store.place(output, folder / output.path);
   }
   RunRecord& record = open_.at(folder).record;
-  record.set(name, {entry.key, transcript, entry.manifest.wall_s});
+  record.set(name, {entry.key, transcript, entry.manifest.wall_s, plan_[stage].origins});
   record.save();
   auto& [seconds, times] = timed_[name];
   seconds += entry.manifest.wall_s;

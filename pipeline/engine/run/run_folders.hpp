@@ -35,6 +35,8 @@ class RunFolders {
   double seconds_left(const std::vector<bool>& settled) const;
 
  private:
+  std::vector<std::string> stages_beside(std::size_t stage) const;  // of its folder, in order
+
   struct Open {
     std::unique_ptr<FileLock> lock;
     RunRecord record;

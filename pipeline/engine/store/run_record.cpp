@@ -18,9 +18,11 @@ RunRecord::RunRecord(std::filesystem::path file) : file_(std::move(file)) {
   if (!std::filesystem::is_regular_file(file_)) return;
   const JsonText json = read_json(file_);
   try {
+    if (const auto planned = json.root().find("planned")) planned_ = planned->texts();
     for (const auto& [stage, record] : json.root()["stages"].members()) {
-      finished_[stage] = {record["key"].text(), record["transcript"].text(),
-                          record["wall_s"].number()};
+      Finished& finished = finished_[stage];
+      finished = {record["key"].text(), record["transcript"].text(), record["wall_s"].number(), {}};
+      if (const auto origins = record.find("origins")) finished.origins = origins->texts_by_name();
     }
     if (const auto failures = json.root().find("failures")) {
       for (const auto& [stage, record] : failures->members()) {
@@ -29,6 +31,7 @@ RunRecord::RunRecord(std::filesystem::path file) : file_(std::move(file)) {
       }
     }
   } catch (const Error&) {  // a damaged record is as good as none
+    planned_.clear();
     finished_.clear();
     failures_.clear();
   }
@@ -40,6 +43,11 @@ const RunRecord::Finished* RunRecord::finished(const std::string& stage) const {
 
 const RunRecord::Failure* RunRecord::failure(const std::string& stage) const {
   return value_or_null(failures_, stage);
+}
+
+void RunRecord::set_planned(std::vector<std::string> stages) {
+  changed_ = changed_ || planned_ != stages;
+  planned_ = std::move(stages);
 }
 
 void RunRecord::set(const std::string& stage, Finished finished) {
@@ -56,10 +64,12 @@ void RunRecord::set_failure(const std::string& stage, Failure failure) {
 }
 
 std::string RunRecord::text() const {
-  Json json{{"schema", 1}, {"stages", Json::object()}};
+  Json json{{"schema", 1}, {"planned", planned_}, {"stages", Json::object()}};
   for (const auto& [stage, record] : finished_) {
-    json["stages"][stage] = {
-        {"key", record.key}, {"transcript", record.transcript}, {"wall_s", record.wall_s}};
+    json["stages"][stage] = {{"key", record.key},
+                             {"transcript", record.transcript},
+                             {"wall_s", record.wall_s},
+                             {"origins", record.origins}};
   }
   for (const auto& [stage, failure] : failures_) {
     json["failures"][stage] = {{"exit", static_cast<int>(failure.exit)},

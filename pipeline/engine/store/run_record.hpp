@@ -1,11 +1,13 @@
-// OUT/NAME/run.json, of a case OUT/NAME/CASE/run.json: the key and transcript of every stage as it
-// was last finished there, with which the next run says what has changed; and how it last failed.
+// OUT/NAME/run.json, of a case OUT/NAME/CASE/run.json: which stages the run has, the key and
+// transcript of every stage as it was last finished there, with which the next run says what has
+// changed, and where its params were set; and how it last failed.
 #pragma once
 
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "pipeline/base/exit_code.hpp"
 
@@ -18,6 +20,8 @@ class RunRecord {
   struct Finished {
     std::string key, transcript;
     double wall_s = 0.0;  // of the run that made the result
+    // Of each param that is no default: file:line:column of the spec, or "command line".
+    std::map<std::string, std::string> origins;
     bool operator==(const Finished&) const = default;
   };
   struct Failure {
@@ -27,7 +31,10 @@ class RunRecord {
 
   const Finished* finished(const std::string& stage) const;  // null: not finished before
   const Failure* failure(const std::string& stage) const;    // null: its last run did not fail
-  void set(const std::string& stage, Finished finished);     // forgets its failure
+  // The stages of the run, in their order; empty when an earlier version wrote the file.
+  const std::vector<std::string>& planned() const { return planned_; }
+  void set_planned(std::vector<std::string> stages);
+  void set(const std::string& stage, Finished finished);  // forgets its failure
   void set_failure(const std::string& stage, Failure failure);
   void save();  // leaves a file alone that says the same
 
@@ -35,6 +42,7 @@ class RunRecord {
   std::string text() const;
 
   std::filesystem::path file_;
+  std::vector<std::string> planned_;
   std::map<std::string, Finished> finished_;
   std::map<std::string, Failure> failures_;
   bool changed_ = false;

@@ -28,6 +28,26 @@ Json materials_json(const std::map<std::string, sim::Material>& materials) {
   return json;
 }
 
+template <class Params, class Value>
+Json unit_json(const sim::Field<Params, Value>& field) {
+  return field.unit;
+}
+template <class Params>
+Json unit_json(const sim::Field<Params, std::string>&) {
+  return nullptr;  // a word
+}
+
+// The unit of each parameter of the effects that are on.
+Json units_json(const sim::Effects::Choice& effects) {
+  Json json = Json::object();
+  sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+    if (std::get<i>(effects).empty()) return;
+    Json& units = json[Effect::name] = Json::object();
+    std::apply([&](const auto&... f) { ((units[f.name] = unit_json(f)), ...); }, Effect::fields());
+  });
+  return json;
+}
+
 Json effects_json(const sim::Effects::Choice& effects) {
   Json json = Json::object();
   sim::Effects::for_each([&]<class Effect, std::size_t i>() {
@@ -49,6 +69,7 @@ Json to_json(const SceneFile& file) {
   Json json{{"scene", 1}, {"units", "SI"}};
   json["materials"] = materials_json(file.materials);
   json["effects"] = effects_json(file.scene.effects);
+  json["effect_units"] = units_json(file.scene.effects);
   json["schedule"] = Json::array();
   for (const auto& change : file.schedule) {
     json["schedule"].push_back({{"at", change.at_s},
