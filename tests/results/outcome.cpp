@@ -1,12 +1,15 @@
 #include "tests/results/outcome.hpp"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <ctime>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <mutex>
 #include <thread>
 
@@ -112,6 +115,31 @@ std::vector<std::string> complaints(const std::vector<Row>& rows,
   return found;
 }
 
+namespace {
+
+std::string today() {
+  return fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)));
+}
+
+// The file as it was before this program wrote it for the first time.
+const std::string& text_before(const std::filesystem::path& file) {
+  static std::map<std::filesystem::path, std::string> texts;
+  const auto [text, added] = texts.try_emplace(file);
+  if (added) {
+    std::ifstream in(file);
+    text->second.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  return text->second;
+}
+
+std::string day_of(const std::string& text) {
+  const std::string words = "Figures of ";
+  const auto begin = text.find(words);
+  return begin == std::string::npos ? "" : text.substr(begin + words.size(), 10);
+}
+
+}  // namespace
+
 void write_table(const std::filesystem::path& file, const std::string& head, const char* held,
                  const std::vector<Row>& rows) {
   const char* const words[] = {held, "refused", "**failed**", "reported"};
@@ -130,12 +158,19 @@ void write_table(const std::filesystem::path& file, const std::string& head, con
     table += fmt::format("| {} | {} | {} | {} | {} | {} |\n", row.section, row.name, row.solver,
                          row.precision, words[verdict], figures(row.outcome));
   }
-  std::filesystem::create_directories(file.parent_path());
   const std::string not_run =
       left_out > 0 ? fmt::format(" **{} more did not come to their end.**", left_out) : "";
-  std::ofstream(file) << fmt::format(
-      "{}\n{} rows: {} {}, {} refused with a reason, {} failed, {} reported.{}\n\n{}", head,
-      rows.size() - left_out, count[0], held, count[1], count[2], count[3], not_run, table);
+  const std::string counts =
+      fmt::format("{} rows: {} {}, {} refused with a reason, {} failed, {} reported.{}",
+                  rows.size() - left_out, count[0], held, count[1], count[2], count[3], not_run);
+  const auto dated = [&](const std::string& day) {
+    return fmt::format("{}\n{} Figures of {}.\n\n{}", head, counts, day, table);
+  };
+  // Figures that are what they were keep their day.
+  const std::string before = text_before(file);
+  const std::string day = day_of(before);
+  std::filesystem::create_directories(file.parent_path());
+  std::ofstream(file) << (dated(day) == before ? before : dated(today()));
 }
 
 }  // namespace viscera::sim

@@ -57,7 +57,8 @@ struct KnownMiss {
 std::vector<std::string> complaints(const std::vector<Row>& rows,
                                     const std::vector<KnownMiss>& known);
 
-// Markdown: `head`, a count of the verdicts, one line a row that is done. `held` is the word for a
+// Markdown: `head`, a count of the verdicts and the day of the figures, one line a row that is
+// done. A table whose figures are those of the file before keeps its day. `held` is the word for a
 // row that holds.
 void write_table(const std::filesystem::path& file, const std::string& head, const char* held,
                  const std::vector<Row>& rows);
