@@ -68,5 +68,17 @@ TEST_F(Locks, TheHolderIsNamedToWhoeverComesNext) {
   EXPECT_EQ(held_by, "process " + std::to_string(getpid()) + " (run demo)");
 }
 
+TEST_F(Locks, WhoHoldsOneIsKnownWithoutAWord) {
+  EXPECT_EQ(FileLock::holder_of(path_), "") << "there is no such file";
+  EXPECT_FALSE(std::filesystem::exists(path_));
+  std::string held_by;
+  auto lock = FileLock::attempt(path_, "run demo", held_by);
+  ASSERT_TRUE(lock);
+  EXPECT_NE(FileLock::holder_of(path_).find("(run demo)"), std::string::npos);
+  lock.reset();
+  EXPECT_EQ(FileLock::holder_of(path_), "");
+  EXPECT_NE(read_file(path_).find("run demo"), std::string::npos) << "the file is as it was";
+}
+
 }  // namespace
 }  // namespace viscera::engine

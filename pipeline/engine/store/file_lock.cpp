@@ -74,6 +74,15 @@ std::unique_ptr<FileLock> FileLock::attempt(const std::filesystem::path& path,
   return nullptr;
 }
 
+std::string FileLock::holder_of(const std::filesystem::path& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return "";
+  const bool is_held = flock(file, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  const std::string name = is_held ? holder(file) : "";
+  close(file);
+  return name;
+}
+
 FileLock::~FileLock() {
   close(file_);
 }

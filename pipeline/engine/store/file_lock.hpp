@@ -19,6 +19,8 @@ class FileLock {
   // Without waiting: null when another process holds it, which `held_by` then names.
   static std::unique_ptr<FileLock> attempt(const std::filesystem::path& path,
                                            const std::string& purpose, std::string& held_by);
+  // Who holds it alone; "" when nobody does, or there is no such file. Writes nothing.
+  static std::string holder_of(const std::filesystem::path& path);
   ~FileLock();
   FileLock(const FileLock&) = delete;
   FileLock& operator=(const FileLock&) = delete;
