@@ -9,6 +9,8 @@
 #include "pipeline/engine/programs/catalog.hpp"
 #include "pipeline/engine/run/inspect.hpp"
 #include "pipeline/engine/store/upkeep.hpp"
+#include "pipeline/record/diff.hpp"
+#include "pipeline/record/record.hpp"
 #include "pipeline/schema/spec_schema.hpp"
 
 namespace {
@@ -127,6 +129,37 @@ CLI::App* declare_gc(CLI::App& app, GcOptions& options, Places& places) {
   return gc;
 }
 
+CLI::App* declare_record(CLI::App& app, RecordRequest& request) {
+  auto* record = app.add_subcommand(
+      "record", "writes what a reviewer and an archive need of a finished run into one folder");
+  record->add_option("run", request.run, "its folder: OUT/NAME, of a case OUT/NAME/CASE")
+      ->required();
+  record->add_option("--out", request.out, "the folder that is written [RUN/record]");
+  record->add_option("--license", request.license, "of the data, for archives: CC-BY-4.0");
+  return record;
+}
+
+struct Diffing {
+  fs::path a, b;
+  bool json = false;
+};
+
+CLI::App* declare_diff(CLI::App& app, Diffing& diffing) {
+  auto* diff = app.add_subcommand(
+      "diff", "says what differs between two finished runs: inputs, parameters, mesh, results");
+  diff->add_option("a", diffing.a, "the folder of a run")->required();
+  diff->add_option("b", diffing.b, "the folder of another")->required();
+  diff->add_flag("--json", diffing.json, "for programs");
+  return diff;
+}
+
+void print_diff(const Diffing& diffing) {
+  const Json diff = diff_of(read_run(diffing.a), read_run(diffing.b));
+  std::cout << (diffing.json ? diff.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"
+                             : diff_text(diff))
+            << std::flush;
+}
+
 // The library's own message for an unknown command is that none was given.
 void check_command(const CLI::App& app, int argc, char** argv) {
   if (argc < 2 || argv[1][0] == '-') return;
@@ -159,7 +192,14 @@ int main(int argc, char** argv) {
   const auto* gc = declare_gc(app, gc_options, places);
   auto* verify = app.add_subcommand("verify", "reads all results; removes what is damaged");
   add_folders(*verify, places.out, places.cache);
-  const auto* schema = app.add_subcommand("schema", "prints the JSON schema of specs, for editors");
+  auto* schema = app.add_subcommand("schema", "prints a JSON schema: of specs, for editors");
+  std::string schema_of = "spec";
+  schema->add_option("of", schema_of, "spec, or record: of record.json [spec]")
+      ->check(CLI::IsMember({"spec", "record"}));
+  RecordRequest record_request;
+  const auto* record = declare_record(app, record_request);
+  Diffing diffing;
+  const auto* diff = declare_diff(app, diffing);
   try {
     check_command(app, argc, argv);
     app.parse(argc, argv);
@@ -180,7 +220,21 @@ int main(int argc, char** argv) {
       return 0;
     }
     if (*schema) {
-      print_schema(places);
+      if (schema_of == "record") {
+        std::cout << record_schema() << std::flush;
+      } else {
+        print_schema(places);
+      }
+      return 0;
+    }
+    if (*record) {
+      record_request.programs = places.programs;
+      record_request.cache = places.cache;
+      write_record(record_request);
+      return 0;
+    }
+    if (*diff) {
+      print_diff(diffing);
       return 0;
     }
     if (*verify) return static_cast<int>(verify_store(places.cache));

@@ -82,6 +82,8 @@ const std::vector<Folder> folders = {
     {"pipeline/engine/run",
      {"pipeline/base", "pipeline/contract", "pipeline/engine/spec", "pipeline/engine/store",
       "pipeline/engine/programs", "pipeline/engine/plan"}},
+    {"pipeline/record",
+     {"pipeline/base", "pipeline/contract", "pipeline/engine/store", "pipeline/engine/programs"}},
     {"pipeline/schema", {"pipeline/contract"}},
     {"pipeline", {"pipeline/*"}},
 
