@@ -13,7 +13,7 @@ namespace {
 using Statements = std::vector<std::string>;
 
 std::string text_of(const Json& value) {
-  if (value.is_number_float()) return fmt::format("{:.3g}", value.get<double>());
+  if (value.is_number_float()) return fmt::format("{:.6g}", value.get<double>());
   return value.is_string() ? value.get<std::string>() : value.dump();
 }
 
@@ -86,10 +86,10 @@ Statements software_quality(const FinishedRun& run) {
 
 Statements code_verification(const Evidence& evidence) {
   if (evidence.verification.empty()) return {};
-  return {fmt::format(
-      "{} test problems with a known answer concern the solver and the effects of this run: {}. "
-      "They are listed below, with what differs from this run.",
-      evidence.verification.size(), count_by_outcome(evidence.verification))};
+  return {
+      fmt::format("{} test problems concern the solver and the effects of this run: {}. "
+                  "They are listed below, with what differs from this run.",
+                  evidence.verification.size(), count_by_outcome(evidence.verification))};
 }
 
 Statements discretisation(const FinishedRun& run, const Evidence& evidence) {
@@ -188,7 +188,7 @@ Statements model_inputs(const FinishedRun& run) {
 Statements comparison(const Evidence& evidence) {
   if (evidence.measured.empty()) return {};
   Statements statements = {
-      fmt::format("{} comparisons of this solver with measured bodies are listed below. They are "
+      fmt::format("Comparisons of this solver with measured bodies, listed below: {}. They are "
                   "nearest to this run by solver, not by tissue, size or load.",
                   evidence.measured.size())};
   return statements;

@@ -52,7 +52,7 @@ void check_is_one_run(const fs::path& folder) {
     const std::size_t shown = std::min<std::size_t>(cases.size(), 5);
     throw not_a_run(
         folder,
-        fmt::format("the folder of {} cases: {}{}", cases.size(),
+        fmt::format("the folder of {} runs: {}{}", cases.size(),
                     fmt::join(cases.begin(), cases.begin() + shown, ", "),
                     shown < cases.size() ? ", …" : ""),
         fmt::format("name one of them, for example {}", (folder / cases.front()).string()));

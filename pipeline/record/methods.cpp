@@ -114,15 +114,15 @@ const std::vector<Method> methods = {
 
     {"solver",
      "xpbd",
-     {"The equations of motion were solved by extended position based dynamics (XPBD) with "
-      "{iterations} iterations a substep."},
+     {"The equations of motion were solved by extended position based dynamics (XPBD; "
+      "iterations a substep: {iterations})."},
      {xpbd},
      {"XPBD with few iterations leaves an error of its own, which the error bar has as its part of "
       "the solver."}},
     {"solver",
      "pbd",
-     {"The constraints were solved by position based dynamics (PBD) with {iterations} iterations a "
-      "substep."},
+     {"The constraints were solved by position based dynamics (PBD; iterations a substep: "
+      "{iterations})."},
      {pbd},
      {"The stiffness of PBD depends on iterations and substeps: its tissue has no modulus."}},
     {"solver",

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace viscera::engine {
 namespace {
 
@@ -23,10 +25,17 @@ std::string plain(const std::string& text) {
   return out;
 }
 
+std::string joined(const Json& texts) {
+  std::string all;
+  for (const auto& text : texts) all += (all.empty() ? "" : ", ") + plain(text.get<std::string>());
+  return all;
+}
+
 std::string shown(const Json& value) {
   if (value.is_null()) return "–";
   if (value.is_string()) return plain(value.get<std::string>());
   if (value.is_number_float()) return fmt::format("{:.6g}", value.get<double>());
+  if (value.is_array() && std::ranges::all_of(value, &Json::is_string)) return joined(value);
   return plain(value.dump());
 }
 
@@ -75,8 +84,8 @@ std::string methods_part(const Json& methods) {
 std::string error_bar_part(const Json& bar) {
   std::string text = "## Error bar\n\n";
   if (bar["state"] != "known") {
-    return text + fmt::format("The discretisation error is {}{}.\n\n", shown(bar["state"]),
-                              bar.contains("why") ? ": " + shown(bar["why"]) : "");
+    return text + fmt::format("Discretisation error: {}{}.\n\n", shown(bar["state"]),
+                              bar.contains("why") ? ", since " + shown(bar["why"]) : "");
   }
   Json rows = Json::array();
   for (const auto& [name, value] : bar.items()) {

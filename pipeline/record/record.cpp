@@ -97,7 +97,7 @@ void add_stage(Json& record, const FinishedStage& stage) {
                                 {"libraries", manifest.libraries},
                                 {"device", manifest.device}});
   for (const Metric& metric : manifest.metrics) {
-    if (metric.value.is_structured() || metric.value.is_null()) continue;
+    if (metric.machine || metric.value.is_structured() || metric.value.is_null()) continue;
     record["results"].push_back({{"stage", stage.name()},
                                  {"name", metric.name},
                                  {"value", metric.value},

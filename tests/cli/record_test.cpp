@@ -150,7 +150,7 @@ TEST_F(Record, OfNoRunIsRefused) {
 TEST_F(Record, OfSeveralCasesNamesThem) {
   work_.write("cases.yaml", work_.read("spec.yaml") + "cases: {one: {}, two: {beta.size: 5mm}}\n");
   ASSERT_EQ(work_.run_spec("cases.yaml").exit, 0);
-  expect_refused("out/cases", 2, "the folder of 2 cases: one, two");
+  expect_refused("out/cases", 2, "the folder of 2 runs: one, two");
   EXPECT_EQ(work_.viscera({"record", "out/cases/two"}).exit, 0);
 }
 
@@ -195,7 +195,7 @@ TEST_F(Record, DiffTellsParametersAndOutputsThatDiffer) {
   const auto result = work_.viscera({"diff", "out/spec", "out/other"});
   EXPECT_EQ(result.exit, 0) << result.errors;
   EXPECT_TRUE(contains(result.out, "beta.size: 4 -> 5 mm (+25 %)")) << result.out;
-  EXPECT_TRUE(contains(result.out, "inputs: 2 differ, ")) << result.out;
+  EXPECT_TRUE(contains(result.out, "inputs: 1 differ, 3 equal")) << result.out;
   EXPECT_FALSE(contains(result.out, "alpha.txt")) << "it is equal\n" << result.out;
   EXPECT_EQ(work_.viscera({"diff", "out/spec", "absent"}).exit, 2);
 }
