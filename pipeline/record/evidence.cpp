@@ -156,7 +156,8 @@ std::vector<Json> csv_objects(std::string_view text) {
 // schemes, "any" of all methods.
 bool is_solver_of(const Setting& setting, const std::string& solver) {
   const std::string asked = setting.method + (setting.scheme.empty() ? "" : " " + setting.scheme);
-  const std::string found = solver.substr(0, solver.find(','));
+  std::string found = solver.substr(0, solver.find_first_of(",("));
+  if (found.ends_with(' ')) found.pop_back();
   return found == asked || found == setting.method || found == "any";
 }
 

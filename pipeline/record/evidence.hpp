@@ -36,8 +36,8 @@ struct Setting {
 // section, subject, case, solver, precision, outcome, figures, and `differs`: a list of what the
 // row was made with in place of what the run has.
 Json verification_rows(const Setting& setting);
-// The same of the rows that compare with a measured body, and of measured.csv, where the build
-// found one: body, state, quantity, solver, measured, computed, unit, error, uncertainty, note.
+// The same of the rows that compare with a measured body, and those of measured.csv: body, state,
+// quantity, solver, error, allowed, uncertainty, unit, seconds.
 Json measured_rows(const Setting& setting);
 // Bodies of known truth on which the error bar (certify) was tried with these elements: body, tets,
 // nu, total_percent, true_percent, effectivity.

@@ -140,10 +140,10 @@ std::string evidence_part(const Json& record) {
                                             {"state", "State"},
                                             {"quantity", "Quantity"},
                                             {"solver", "Solver"},
-                                            {"measured", "Measured"},
-                                            {"computed", "Computed"},
-                                            {"unit", "Unit"},
                                             {"error", "Error"},
+                                            {"allowed", "Allowed"},
+                                            {"uncertainty", "The measurement's own"},
+                                            {"unit", "Unit"},
                                             {"figures", "Figures (bound)"},
                                             {"table", "Table"}});
   }

@@ -243,8 +243,8 @@ MeasuredBody truth_cube(const std::filesystem::path& data) {
       double largest = 0.0;
       for (const auto& e : errors) largest = std::max(largest, 1e3 * norm(e));
       body.rows.push_back(
-          {beads.states[k - 1], "inner beads, rms", name, rms_mm(errors), allowed_mm, noise, "mm",
-           fmt::format("at most {:.2f}; they move by {:.2f} rms", largest, moved), seconds});
+          {beads.states[k - 1], "rms of the inner beads", name, rms_mm(errors), allowed_mm, noise,
+           "mm", fmt::format("at most {:.2f}; they move by {:.2f} rms", largest, moved), seconds});
     };
     row("none: linear between the layers", start, 0.0);
     for (const Way& way : ways()) {

@@ -62,8 +62,10 @@ const std::vector<Way>& ways() {
           [](const Model& model, const Scene& scene, const State& start) {
             return by_substeps(model, scene, start, {});
           }),
-      way("fem (linear tets)", [](const Model& model, const Scene& scene,
-                                 const State& start) { return by_newton(model, scene, start, 1); }),
+      way("fem (linear tets)",
+          [](const Model& model, const Scene& scene, const State& start) {
+            return by_newton(model, scene, start, 1);
+          }),
       way("pbd", [](const Model& model, const Scene& scene, const State& start) {
         return by_substeps(model, scene, start, {.method = Method::pbd});
       })};

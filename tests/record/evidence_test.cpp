@@ -93,6 +93,16 @@ TEST(Evidence, MeasuredBodiesAreNoTestProblems) {
   EXPECT_TRUE(has_case(measured_rows(double_precision), "silicone beam"));
 }
 
+TEST(Evidence, OfMeasuredBodiesTheRowsOfTheRunsSolverAreShown) {
+  int found = 0;
+  for (const Json& row : measured_rows(drop())) {
+    if (row["table"] != "measured.csv") continue;
+    EXPECT_EQ(row["solver"], "xpbd (default)");
+    found += row["body"] == "Truth Cube";
+  }
+  EXPECT_EQ(found, 2) << "two states";
+}
+
 TEST(Evidence, ErrorBarsAreThoseOfTheElements) {
   EXPECT_FALSE(error_bar_rows("smoothed").empty());
   for (const Json& row : error_bar_rows("smoothed")) EXPECT_EQ(row["element"], "smoothed");
