@@ -2,6 +2,7 @@
 // is.
 #include "pipeline/record/methods.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -56,9 +57,8 @@ TEST(Methods, ASourceThatTwoMethodsHaveHasOneNumber) {
   for (const auto& source : methods["sources"])
     of_xpbd += source.get<std::string>().find("XPBD:") != std::string::npos;
   EXPECT_EQ(of_xpbd, 1);
-  const std::string last = "[" + std::to_string(methods["sources"].size()) + "]";
   const std::string text = methods["paragraph"];
-  EXPECT_NE(text.find(std::to_string(methods["sources"].size()) + "]"), std::string::npos) << last;
+  EXPECT_NE(text.find(fmt::format("{}]", methods["sources"].size())), std::string::npos) << text;
 }
 
 TEST(Methods, ASentenceWhoseFigureTheRunLacksIsLeftOut) {
