@@ -65,7 +65,8 @@ class SceneText {
   };
   // None where the file does not give the value of this name.
   std::optional<Written> find(const std::vector<std::string>& name) const {
-    YAML::Node node = YAML::Clone(*root_);
+    YAML::Node node;  // a clone would not know its lines
+    node.reset(*root_);
     for (const auto& part : name) {
       // A list of one effect is an effect in scene.json.
       const bool is_item = part.find_first_not_of("0123456789") == std::string::npos;
