@@ -1,6 +1,6 @@
 #include "sim/stress_field.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Dense>
 #include <algorithm>
 #include <optional>
 #include <set>
@@ -204,16 +204,68 @@ std::set<int> samples_in(const Samples& samples, const std::set<int>& tets) {
   return found;
 }
 
-Strained recover(const Model& model, const Samples& samples, const Around& around,
-                 const StressField::Corner& corner) {
+// The gradient of displacement at a vertex, from a quadratic function fitted to the displacements
+// of vertices around it.
+std::optional<Mat3<double>> fitted_gradient(const Model& model, const State& state,
+                                            const std::set<int>& tets, int vertex) {
+  constexpr int terms = 10;
+  std::set<int> vertices;
+  for (const int t : tets) vertices.insert(model.tets[t].begin(), model.tets[t].end());
+  if (std::ssize(vertices) < 2 * terms) return std::nullopt;
+  const auto rows = static_cast<Eigen::Index>(vertices.size());
+  Eigen::Matrix<double, Eigen::Dynamic, terms> a(rows, terms);
+  Eigen::Matrix<double, Eigen::Dynamic, 3> u(rows, 3);
+  double reach = 0.0;
+  for (const int v : vertices) {
+    reach = std::max(reach, norm(model.rest[v] - model.rest[vertex]));
+  }
+  Eigen::Index r = 0;
+  for (const int v : vertices) {
+    const Vec3<double> p = (1.0 / reach) * (model.rest[v] - model.rest[vertex]);
+    a.row(r) << p.x, p.y, p.z, 1.0, p.x * p.x, p.y * p.y, p.z * p.z, p.x * p.y, p.y * p.z,
+        p.z * p.x;
+    u.row(r++) << state.u[v].x, state.u[v].y, state.u[v].z;
+  }
+  const auto factors = a.colPivHouseholderQr();
+  if (factors.rank() < terms) return std::nullopt;
+  const Eigen::Matrix<double, terms, 3> fit = factors.solve(u);
+  Mat3<double> h;
+  for (int k = 0; k < 3; ++k) {
+    h.col[k] = (1.0 / reach) * Vec3<double>{fit(k, 0), fit(k, 1), fit(k, 2)};
+  }
+  return h;
+}
+
+// The linear function of the samples around a corner, at it.
+Strained fitted_samples(const Model& model, const Samples& samples, const Around& around,
+                        const StressField::Corner& corner, const std::set<int>& tets) {
   const Vec3<double>& place = model.rest[corner.vertex];
-  const std::set<int> tets = around.tets(corner);
   const std::set<int> near = samples_in(samples, tets);
   const Fit fit(samples.all, near);
   if (fit.reaches(place)) return fit.at(place);
   const std::set<int> far = samples_in(samples, around.with_neighbours(tets, corner.material));
   const Fit wider(samples.all, far);
   return wider.reaches(place) ? wider.at(place) : fit.mean();
+}
+
+double mean_stress(const Tensor6& cauchy) {
+  return (cauchy[0] + cauchy[1] + cauchy[2]) / 3.0;
+}
+
+Strained recover(const Model& model, const Samples& samples, const Around& around,
+                 const StressField::Corner& corner, const Scene& scene, const State& state,
+                 int order) {
+  const std::set<int> tets = around.tets(corner);
+  const Strained sampled = fitted_samples(model, samples, around, corner, tets);
+  if (order == 2) return sampled;
+  const auto h =
+      fitted_gradient(model, state, around.with_neighbours(tets, corner.material), corner.vertex);
+  if (!h) return sampled;
+  Strained fitted = strained(model, scene, *tets.begin(), *h);
+  const double pressure = mean_stress(sampled.cauchy) - mean_stress(fitted.cauchy);
+  for (int k = 0; k < 3; ++k) fitted.cauchy[k] += pressure;
+  fitted.volume_ratio = sampled.volume_ratio;
+  return fitted;
 }
 
 }  // namespace
@@ -263,7 +315,7 @@ StressField stress_field(const Model& model, const Scene& scene, const State& st
   }
   const Around around(model);
   for (const auto& corner : field.corners) {
-    field.recovered.push_back(recover(model, samples, around, corner));
+    field.recovered.push_back(recover(model, samples, around, corner, scene, state, order));
   }
   return field;
 }

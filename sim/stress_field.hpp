@@ -5,8 +5,12 @@
 // those in it, by volume. At a vertex stands the value of a linear function that is fitted to the
 // points around it by least squares (superconvergent patch recovery: Zienkiewicz and Zhu, "The
 // superconvergent patch recovery and a posteriori error estimates. Part 1", Int. J. Numer. Methods
-// Eng. 33, 1992). No patch mixes materials, for stress jumps from one to the other: a vertex that
-// materials share has a value in each.
+// Eng. 33, 1992). Of linear and smoothed elements that is so for the mean stress and J alone: at
+// the surface their strains are better those of a quadratic function that is fitted to the
+// displacements around (polynomial preserving recovery: Zhang and Naga, SIAM J. Sci. Comput. 26,
+// 2005), whose change of volume, though, would be multiplied by the bulk modulus. No patch mixes
+// materials, for stress jumps from one to the other: a vertex that materials share has a value in
+// each.
 #pragma once
 
 #include <array>

@@ -1,9 +1,8 @@
 #include "tests/measured/page.hpp"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
-#include <ctime>
+#include <cmath>
 
 #include "pipeline/base/atomic_file.hpp"
 
@@ -14,13 +13,16 @@ const char* const head =
     "# Measured bodies\n\n"
     "What the product computes of bodies that someone has measured, made by\n\n"
     "    VISCERA_MEASURED=FOLDER make measured\n\n"
+    "FOLDER holds what may not be part of this project: `truth_cube_uniaxial.csv` from the "
+    "repository of OpenSurgSim (Apache-2.0) and `pdms_cylinder/cylinderPDMS12724Vol.vtk` from that "
+    "of fenics-inverseFEM (GPL-3.0). Bodies whose data are not there are skipped. "
     "Elements, scheme and precision of `xpbd (default)` are those that a spec gets which names "
     "nothing. No parameter was fitted to a state that is judged here: what was fitted, and to "
     "what, stands with each body. *Allowed* is the goal that was set before; what is above it is "
     "bold.\n";
 
 std::string cell(double value) {
-  return fmt::format("{:.3g}", value);
+  return std::isnan(value) ? "–" : fmt::format("{:.3g}", value);
 }
 
 std::string section(const MeasuredBody& body) {
@@ -91,9 +93,9 @@ void write_page(const std::filesystem::path& folder, const std::vector<MeasuredB
   for (const auto& body : bodies) {
     page += section(body);
     for (const auto& row : body.rows) {
-      csv += fmt::format("{},{},{},{},{:.6g},{:.6g},{:.3g},{},{:.3g}\n", body.name, row.state,
-                         row.quantity, row.way, row.error, row.allowed, row.uncertainty, row.unit,
-                         row.seconds);
+      csv += fmt::format("{},{},{},{},{:.6g},{:.6g},{},{},{:.3g}\n", body.name, row.state,
+                         row.quantity, row.way, row.error, row.allowed, cell(row.uncertainty),
+                         row.unit, row.seconds);
     }
     for (const auto& picture : body.pictures) write_atomically(folder / picture.file, picture.svg);
   }

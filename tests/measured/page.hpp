@@ -11,7 +11,7 @@ namespace viscera::sim {
 struct Comparison {
   std::string state, quantity, way;
   double error, allowed;  // of the goal; in `unit`
-  double uncertainty;     // the measurement's own, in `unit`
+  double uncertainty;     // the measurement's own, in `unit`; NaN: not known
   std::string unit, note;
   double seconds;  // wall time of the run
 };

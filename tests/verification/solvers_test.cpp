@@ -15,6 +15,11 @@ const std::vector<KnownMiss> known_misses = {
     // A vertex rebounds from where the substep of its impact began, on the average half a substep
     // too high: how much is by chance (.036 with the time step of first order).
     {"vertices that fall 10 cm, e 0.5", "xpbd gauss_seidel", "", 1.08},
+    // The strain of linear displacements is of first order at the surface, whatever is fitted.
+    {"stress at the vertices of a bar of 3,600 tets against CalculiX's quadratic tets",
+     "fem, smoothed elements", "fp64", 3.43},
+    {"stress at the vertices of a bar of 3,600 tets against CalculiX's quadratic tets",
+     "fem, linear tets", "fp64", 4.05},
     // Explicit, without the stability policy that raises their substeps.
     {"bar of 3,600 tets, 16 substeps", "xpbd jacobi, split 1", "fp64", 1},
     {"bar of 3,600 tets, 32 substeps", "xpbd jacobi, split 1", "fp64", 1},
