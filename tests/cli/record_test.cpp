@@ -173,7 +173,7 @@ TEST_F(Record, OfStagesOfTwoRunsIsRefused) {
 TEST_F(Record, OfADamagedManifestIsRefused) {
   fs::remove(work_.path("out/spec/beta/manifest.json"));
   work_.write("out/spec/beta/manifest.json", "{\"schema\": 1, \"stage\": 3}");
-  expect_refused("out/spec", 4, "manifest.json: version: missing");
+  expect_refused("out/spec", 4, "manifest.json: stage: 3");
 }
 
 TEST_F(Record, OfAChangedOutputIsRefused) {
