@@ -65,22 +65,34 @@ class SceneText {
   };
   // None where the file does not give the value of this name.
   std::optional<Written> find(const std::vector<std::string>& name) const {
-    YAML::Node node;  // a clone would not know its lines
+    YAML::Node node, key;  // a clone would not know its lines
     node.reset(*root_);
     for (const auto& part : name) {
       // A list of one effect is an effect in scene.json.
       const bool is_item = part.find_first_not_of("0123456789") == std::string::npos;
       if (node.IsSequence() && !is_item) node.reset(node[0]);
-      const YAML::Node next = node.IsSequence() ? node[std::stoul(part)]
-                              : node.IsMap()    ? node[part]
-                                                : YAML::Node(YAML::NodeType::Undefined);
+      const auto [next_key, next] = member_of_node(node, part);
       if (!next.IsDefined()) return std::nullopt;
       node.reset(next);
+      key.reset(next_key);
     }
-    return Written{place_of(path_, node), node.IsScalar() ? node.Scalar() : ""};
+    // Of a key without a value the parser takes the place of what comes next.
+    return Written{place_of(path_, node.IsNull() ? key : node),
+                   node.IsScalar() ? node.Scalar() : ""};
   }
 
  private:
+  // The key and the value of a map, or the item of a list twice; undefined where there is none.
+  static std::pair<YAML::Node, YAML::Node> member_of_node(const YAML::Node& node,
+                                                          const std::string& name) {
+    if (node.IsSequence()) return {node[std::stoul(name)], node[std::stoul(name)]};
+    for (const auto& entry : node) {
+      if (entry.first.Scalar() == name) return {entry.first, entry.second};
+    }
+    const YAML::Node none(YAML::NodeType::Undefined);
+    return {none, none};
+  }
+
   fs::path path_;
   std::optional<YAML::Node> root_;
 };

@@ -84,7 +84,7 @@ TEST_F(SceneParameters, SayTheLineOfTheSceneFile) {
   EXPECT_EQ(row(rows, "materials.liver.damping")["origin"], "default");
   EXPECT_EQ(row(rows, "effects.gravity.acceleration")["origin"], "default");
   EXPECT_EQ(row(rows, "effects.gravity.acceleration")["unit"], "m/s2");
-  EXPECT_EQ(row(rows, "effects.smoothed_neo_hookean")["origin"], "scene");
+  EXPECT_EQ(row(rows, "effects.smoothed_neo_hookean")["where"], file_.string() + ":5:3");
   EXPECT_EQ(row(rows, "time.frame")["origin"], "scene");
 }
 
