@@ -8,7 +8,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
 #include "sim/base/von_mises.hpp"
-#include "sim/stress_field.hpp"
+#include "sim/solvers/fem/stress_field.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 

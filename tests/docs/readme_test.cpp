@@ -135,7 +135,7 @@ TEST(Readme, TheDemoPrintsWhatItShows) {
     }
     ++compared;
   }
-  EXPECT_EQ(compared, 11);
+  EXPECT_EQ(compared, 14);
 }
 
 TEST(Readme, TheGateThatItShowsIsDeclaredInTheseWords) {

@@ -1,5 +1,5 @@
 // Stress and strain in tets and at their corners, against closed forms.
-#include "sim/stress_field.hpp"
+#include "sim/solvers/fem/stress_field.hpp"
 
 #include <gtest/gtest.h>
 

@@ -20,7 +20,7 @@
 #include "sim/element_choice.hpp"
 #include "sim/measures/reactions.hpp"
 #include "sim/solvers/fem/mesh.hpp"
-#include "sim/stress_field.hpp"
+#include "sim/solvers/fem/stress_field.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/verification/problems.hpp"
 

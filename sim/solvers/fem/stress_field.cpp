@@ -1,4 +1,4 @@
-#include "sim/stress_field.hpp"
+#include "sim/solvers/fem/stress_field.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
