@@ -12,11 +12,6 @@ namespace {
 
 using Statements = std::vector<std::string>;
 
-std::string text_of(const Json& value) {
-  if (value.is_number_float()) return fmt::format("{:.6g}", value.get<double>());
-  return value.is_string() ? value.get<std::string>() : value.dump();
-}
-
 std::string param_text(const FinishedStage& stage, const char* name) {
   const Json value = stage.manifest.params.value(name, Json());
   return value.is_string() ? value.get<std::string>() : "";

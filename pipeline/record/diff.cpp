@@ -108,10 +108,7 @@ Json compared(const Facts& a, const Facts& b) {
 }
 
 std::string shown(const Json& value) {
-  if (value.is_null()) return "–";
-  if (value.is_number_float()) return fmt::format("{:.6g}", value.get<double>());
-  return value.is_string() ? value.get<std::string>()
-                           : value.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return value.is_null() ? "–" : text_of(value);
 }
 
 }  // namespace

@@ -121,7 +121,7 @@ ResultTable read_table(const char* file, std::string_view text) {
   return table;
 }
 
-// Cells in quotes may hold separators; a quote within one is written twice.
+// Cells in quotes may hold separators, and no quotes.
 std::vector<std::string> csv_cells(const std::string& line) {
   std::vector<std::string> cells(1);
   bool quoted = false;

@@ -167,6 +167,12 @@ Json metric_value(const FinishedStage* stage, const std::string& name) {
   return metric ? metric->value : Json();
 }
 
+std::string text_of(const Json& value) {
+  if (value.is_number_float()) return fmt::format("{:.6g}", value.get<double>());
+  return value.is_string() ? value.get<std::string>()
+                           : value.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
 const Json& member_of(const Json& object, const std::string& name) {
   static const Json empty = Json::object();
   const auto found = object.find(name);

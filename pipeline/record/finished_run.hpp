@@ -35,6 +35,9 @@ const Metric* find_metric(const FinishedStage& stage, const std::string& name);
 // The value of a metric; null where there is none.
 Json metric_value(const FinishedStage* stage, const std::string& name);
 
+// A value as people read it: numbers to six digits, texts as they are, all else as JSON.
+std::string text_of(const Json& value);
+
 // A member of an object; an empty object where there is none.
 const Json& member_of(const Json& object, const std::string& name);
 

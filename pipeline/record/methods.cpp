@@ -304,9 +304,7 @@ const Method* find_method(const std::string& kind, const std::string& name) {
 }
 
 std::string value_text(const Json& value) {
-  if (value.is_number_float()) return fmt::format("{:.4g}", value.get<double>());
-  if (value.is_string()) return value.get<std::string>();
-  return value.dump();
+  return value.is_number_float() ? fmt::format("{:.4g}", value.get<double>()) : text_of(value);
 }
 
 std::string with_unit(const Json& value, const std::string& unit) {
