@@ -14,16 +14,6 @@ namespace {
 
 using Settle = std::function<State(const Model&, const Scene&, const State&)>;
 
-State by_newton(const Model& model, const Scene& scene, const State& start, int order) {
-  SolverOptions options{.method = Method::fem};
-  options.fem.time = FemOptions::Time::quasi_static;
-  options.fem.order = order;
-  const auto solver = make_on_cpu(model, scene, options);
-  solver->set_state(start);
-  solver->advance_frame();
-  return solver->state();
-}
-
 // With the elements and the scheme that the product chooses, in its precision.
 State by_substeps(const Model& model, Scene scene, const State& start, SolverOptions options) {
   if (options.method == Method::pbd) {  // has no law: it keeps edges and volumes
@@ -56,7 +46,7 @@ const std::vector<Way>& ways() {
   static const std::vector<Way> all = {
       way("fem (quadratic tets)",
           [](const Model& model, const Scene& scene, const State& start) {
-            return by_newton(model, scene, start, 2);
+            return equilibrium_from(start, model, scene, 2);
           }),
       way("xpbd (default)",
           [](const Model& model, const Scene& scene, const State& start) {
@@ -64,7 +54,7 @@ const std::vector<Way>& ways() {
           }),
       way("fem (linear tets)",
           [](const Model& model, const Scene& scene, const State& start) {
-            return by_newton(model, scene, start, 1);
+            return equilibrium_from(start, model, scene, 1);
           }),
       way("pbd", [](const Model& model, const Scene& scene, const State& start) {
         return by_substeps(model, scene, start, {.method = Method::pbd});

@@ -123,6 +123,16 @@ State equilibrium(const Model& model, const Scene& scene) {
   return solver->state();
 }
 
+State equilibrium_from(const State& start, const Model& model, const Scene& scene, int order) {
+  SolverOptions newton{.method = Method::fem};
+  newton.fem.time = FemOptions::Time::quasi_static;
+  newton.fem.order = order;
+  const auto solver = make_on_cpu(model, scene, newton);
+  solver->set_state(start);
+  solver->advance_frame();
+  return solver->state();
+}
+
 State at_rest(const Model& model) {
   State state;
   state.u.resize(model.vertex_count());

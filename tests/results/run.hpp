@@ -59,6 +59,8 @@ class Run {
 
 // The equilibrium under the scene's forces that Newton finds on the same mesh, residual 1e-9.
 State equilibrium(const Model& model, const Scene& scene);
+// The same from a state on, with linear or quadratic tets (`order`) and the product's residual.
+State equilibrium_from(const State& start, const Model& model, const Scene& scene, int order);
 
 State at_rest(const Model& model);
 // The state that takes every vertex from its rest position X to f(X).

@@ -57,12 +57,7 @@ Outcome measured_beam(std::array<int, 3> cells, const Settle& settle, bool swing
 
 Settle newton(int order) {
   return [order](const Model& model, const Scene& scene) {
-    SolverOptions options{.method = Method::fem, .threads = 1};
-    options.fem.time = FemOptions::Time::quasi_static;
-    options.fem.order = order;
-    const auto solver = make_on_cpu(model, scene, options);
-    solver->advance_frame();
-    return solver->state();
+    return equilibrium_from(at_rest(model), model, scene, order);
   };
 }
 
