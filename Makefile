@@ -204,7 +204,7 @@ bench-pipeline: build ## the engine's own cost, and BENCH_KILLS kills, full disk
 # sanitizer's allocator, when one of them held it at that moment. The fuzzers are of the same build.
 sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
 	@cmake --preset sanitized >/dev/null && ninja -C build/sanitized -j $(JOBS) test_contract test_engine \
-	  test_sim test_properties test_tet_io test_surface_io test_trajectory_io test_improve test_live_session
+	  test_sim test_blocks test_properties test_tet_io test_surface_io test_trajectory_io test_improve test_live_session
 	@VTK_SMP_BACKEND_IN_USE=Sequential ASAN_OPTIONS=detect_container_overflow=0 \
 	  LSAN_OPTIONS=suppressions=$(CURDIR)/.ci/fuzz_leaks:print_suppressions=0 \
 	  ctest --test-dir build/sanitized -L 'unit|property' -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|^StiffBar.*Newton|^SweepError|AllAgreeOnABar' \
@@ -213,14 +213,17 @@ sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and Thr
 	@ctest --test-dir build/sanitized-threads -R 'SameBits|Threads' --output-on-failure
 
 # The types of all programs are compared in one link, each with its main; -flinker-output=rel spares it
-# the code.
-ODR = -flto=auto -Werror=odr -Werror=lto-type-mismatch
+# the code. ODR_BUILD may be any folder that is configured with VISCERA_ODR.
+ODR_BUILD ?= build/odr
 odr: all-packages ## read all programs as one whole and refuse types of one name that are not one type
-	@cmake -G Ninja -S . -B build/odr -DCMAKE_BUILD_TYPE=Release -DVISCERA_TESTS=OFF -DVISCERA_CUDA=OFF \
-	  -DCMAKE_CXX_FLAGS_RELEASE='-O0 -DNDEBUG' -DCMAKE_CXX_FLAGS='$(ODR)' >/dev/null
-	@cd build/odr && objects=$$(ninja -t targets all | sed -n 's/\(.*\.o\): .*/\1/p') && \
+	@grep -qs '^VISCERA_ODR:BOOL=ON' $(ODR_BUILD)/CMakeCache.txt || cmake -G Ninja -S . -B $(ODR_BUILD) \
+	  -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS_RELEASE='-O0 -DNDEBUG' \
+	  -DVISCERA_ODR=ON -DVISCERA_TESTS=OFF -DVISCERA_CUDA=OFF >/dev/null
+	@cd $(ODR_BUILD) && objects=$$(ninja -t targets all | \
+	    sed -n -E 's/^((pipeline|sample_data|sim|stages)\/.*\.cpp\.o): .*/\1/p') && \
 	  ninja -j $(JOBS) $$objects && \
-	  $(CXX) -O0 $(ODR) -r -flinker-output=rel -nostdlib -Wl,-z,muldefs -o all.o $$objects
+	  $(CXX) -O0 -flto=auto -Werror=odr -Werror=lto-type-mismatch -r -flinker-output=rel -nostdlib \
+	    -Wl,-z,muldefs -o all.o $$objects
 
 fuzz: all-packages ## the readers of every file that viscera takes under libFuzzer (FUZZ_SECONDS each, FUZZ_ONLY)
 	@.ci/fuzz

@@ -135,17 +135,17 @@ TEST_F(Cuda, SelfContactAgreesWithTheCpuAndRepeatsItself) {
 // The blocks' step is the same code on the host.
 template <class T = double>
 double blocks_disagreement(const Model& model, const Scene& scene, int tets_per_block, int frames) {
-  HostBlocks<T> host(model, scene, tets_per_block, true);
+  const auto host = make_host_blocks<T>(model, scene, tets_per_block, true);
   const Precision precision = sizeof(T) == 4 ? Precision::fp32 : Precision::fp64;
   const auto cuda = make_on_cuda(
       model, scene,
       {.scheme = Scheme::block_gauss_seidel, .precision = precision, .block_tets = tets_per_block});
   for (int frame = 0; frame < frames; ++frame) {
-    host.advance_frame();
+    host->advance_frame();
     cuda->advance_frame();
   }
   EXPECT_TRUE(cuda->state().finite());
-  return largest_difference(host.state(), cuda->state()) / model.size();
+  return largest_difference(host->state(), cuda->state()) / model.size();
 }
 
 TEST_F(Cuda, EveryEffectInBlocksAgreesWithTheHost) {
@@ -343,7 +343,7 @@ TEST_F(Cuda, WhatAHandLeadsAgreesWithTheHost) {
   std::vector<std::pair<std::unique_ptr<Solver>, std::unique_ptr<Solver>>> pairs;
   pairs.emplace_back(make_on_cuda(model, scene, by_color), make_on_cpu(model, scene, by_color));
   pairs.emplace_back(make_on_cuda(model, scene, in_blocks),
-                     std::make_unique<HostBlocks<double>>(model, scene, 150, true));
+                     make_host_blocks<double>(model, scene, 150, true));
   const double frame_s = scene.time.frame_s;
   for (int frame = 0; frame < 10; ++frame) {
     scene.params<Grip>()[0].offset.x = 1e-3 * frame;

@@ -161,7 +161,8 @@ std::vector<std::string> tests_of(const std::string& group, bool quick) {
   if (group == "pipeline/base" || group == "pipeline/contract")
     return {"test_contract", "test_engine", "test_cli"};
   if (group == "pipeline/engine") return {"test_engine", "test_cli"};
-  std::vector<std::string> tests = {"test_properties", "test_sim", "test_verification"};
+  std::vector<std::string> tests = {"test_properties", "test_sim", "test_blocks",
+                                    "test_verification"};
   if (!quick) tests.insert(tests.end(), {"test_solvers", "test_hard_cases"});
   return tests;
 }

@@ -8,10 +8,10 @@
 #include <random>
 #include <set>
 
+#include "sim/backend/block_step.hpp"
 #include "sim/measures/stability.hpp"
 #include "sim/scene/diagnostics.hpp"
 #include "tests/backend/host_blocks.hpp"
-#include "tests/backend/make_host_blocks.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -201,13 +201,14 @@ TEST(BlockLayout, AVertexWithoutElementsHasAReplica) {
 
 TEST(Blocks, ABodyWithoutForcesStaysStill) {
   const Model model = make_cube(4);
-  HostBlocks<float> blocks(model, elastic_scene(), tets_per_block, true);
-  EXPECT_LE(largest(after(blocks, 20).u), 1e-9);
+  const auto blocks = make_host_blocks<float>(model, elastic_scene(), tets_per_block, true);
+  EXPECT_LE(largest(after(*blocks, 20).u), 1e-9);
 }
 
 TEST(Blocks, AnAverageOfReplicasKeepsMomentum) {
   const Model model = make_cube(4);
-  HostBlocks<double> blocks(model, elastic_scene(), tets_per_block, true, {32, 6});
+  const auto blocks =
+      make_host_blocks<double>(model, elastic_scene(), tets_per_block, true, {32, 6});
   std::mt19937 generator(7);
   State start{std::vector<Vec3<double>>(model.vertex_count()), {}};
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {
@@ -218,8 +219,8 @@ TEST(Blocks, AnAverageOfReplicasKeepsMomentum) {
     for (std::size_t i = 0; i < model.vertex_count(); ++i) sum += model.mass[i] * state.v[i];
     return sum;
   };
-  blocks.set_state(start);
-  const State end = after(blocks, 5);
+  blocks->set_state(start);
+  const State end = after(*blocks, 5);
   EXPECT_LE(norm(momentum(end) - momentum(start)), 1e-12);
   EXPECT_GT(largest_difference(end, start), 1e-3);
 }
@@ -266,16 +267,16 @@ TEST(Blocks, ABodyRestsWhereItsStressIsInEquilibrium) {
   for (const bool damped : {false, true}) {
     SCOPED_TRACE(damped);
     const auto [model, scene, equilibrium] = HangingBar(damped);
-    HostBlocks<double> linearised(model, scene, tets_per_block, true);
-    HostBlocks<double> direct(model, scene, tets_per_block, false);
+    const auto linearised = make_host_blocks<double>(model, scene, tets_per_block, true);
+    const auto direct = make_host_blocks<double>(model, scene, tets_per_block, false);
     const SolverOptions in_colours{.precision = Precision::fp64};
     SolverOptions in_blocks = in_colours;
     in_blocks.scheme = Scheme::block_gauss_seidel;
     in_blocks.block_tets = tets_per_block;
     const auto on_cpu = make_on_cpu(model, scene, in_blocks);
     const double colours = error_at_rest(*make_on_cpu(model, scene, in_colours), equilibrium);
-    EXPECT_LE(error_at_rest(linearised, equilibrium), 1.7 * colours);
-    EXPECT_LE(error_at_rest(direct, equilibrium), 1.7 * colours);
+    EXPECT_LE(error_at_rest(*linearised, equilibrium), 1.7 * colours);
+    EXPECT_LE(error_at_rest(*direct, equilibrium), 1.7 * colours);
     EXPECT_LE(error_at_rest(*on_cpu, equilibrium), 1.7 * colours);
   }
 }
@@ -291,13 +292,14 @@ TEST(Blocks, OfACpuAreThoseOfADeviceFromTheFallToTheRest) {
   scene.params<Ground>().front().clearance = 5e-3;
   for (const int tets : {tets_per_block, 1000}) {
     SCOPED_TRACE(tets);
-    HostBlocks<double> direct(model, scene, tets, false), linearised(model, scene, tets, true);
+    const auto direct = make_host_blocks<double>(model, scene, tets, false);
+    const auto linearised = make_host_blocks<double>(model, scene, tets, true);
     const auto cpu = make_cpu_blocks(model, scene, tets);
     const State end = after(*cpu, 150);
     EXPECT_LT(largest(end.v), 1e-4);
     EXPECT_GT(largest(end.u), 5e-3);
-    EXPECT_LE(largest_difference(end, after(direct, 150)), 1e-9 * model.size());
-    EXPECT_LE(largest_difference(end, after(linearised, 150)), 5e-4 * model.size());
+    EXPECT_LE(largest_difference(end, after(*direct, 150)), 1e-9 * model.size());
+    EXPECT_LE(largest_difference(end, after(*linearised, 150)), 5e-4 * model.size());
   }
 }
 
@@ -305,9 +307,9 @@ TEST(Blocks, OfACpuAreThoseOfADeviceFromTheFallToTheRest) {
 // anew are given back: in one block, which is Gauss-Seidel, they rest nearer than in colours.
 TEST(Blocks, WhatASweepTakesFromTheStiffnessIsGivenBack) {
   const auto [model, scene, equilibrium] = HangingBar();
-  HostBlocks<double> stiffened(model, scene, 1000000, false);
+  const auto stiffened = make_host_blocks<double>(model, scene, 1000000, false);
   const auto colours = make_on_cpu(model, scene, {.precision = Precision::fp64});
-  const double with = error_at_rest(stiffened, equilibrium);
+  const double with = error_at_rest(*stiffened, equilibrium);
   const double without = error_at_rest(*colours, equilibrium);
   EXPECT_LE(with, 0.7 * without);
 }
@@ -317,9 +319,9 @@ TEST(Blocks, WhatASweepTakesFromTheStiffnessIsGivenBack) {
 TEST(Blocks, LinearisedElementsMoveAsThoseEvaluatedAnew) {
   const Model model = make_five_tet_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
   const Scene scene = hanging_scene();
-  HostBlocks<double> linearised(model, scene, tets_per_block, true);
-  HostBlocks<double> direct(model, scene, tets_per_block, false);
-  const State a = after(linearised, 20), b = after(direct, 20);
+  const auto linearised = make_host_blocks<double>(model, scene, tets_per_block, true);
+  const auto direct = make_host_blocks<double>(model, scene, tets_per_block, false);
+  const State a = after(*linearised, 20), b = after(*direct, 20);
   EXPECT_LE(largest_difference(a, b), 1e-3 * largest(b.u));
   EXPECT_GT(largest_difference(a, b), 0.0);
 }
@@ -335,16 +337,16 @@ TEST(Blocks, LinearisedElementsGainNoEnergyWhateverTheStep) {
     Scene scene = elastic_scene();
     scene.time = {.frame_s = 1e-3, .substeps = 1, .end_s = 1.0};
     scene.time.frame_s *= cs / assess(model, scene).cs_max;
-    HostBlocks<double> blocks(model, scene, tets_per_block, linearised);
+    const auto blocks = make_host_blocks<double>(model, scene, tets_per_block, linearised);
     std::mt19937 generator(3);
     State start{std::vector<Vec3<double>>(model.vertex_count()), {}};
     for (std::size_t i = 0; i < model.vertex_count(); ++i) {
       start.v.push_back(random_vector(generator, 0.01));
     }
-    blocks.set_state(start);
+    blocks->set_state(start);
     const double given = diagnose(model, scene, start).total();
     for (int k = 0; k < 25; ++k) {
-      EXPECT_LE(diagnose(model, scene, after(blocks, 20)).total(), given) << "Cs " << cs;
+      EXPECT_LE(diagnose(model, scene, after(*blocks, 20)).total(), given) << "Cs " << cs;
     }
   }
 }
@@ -369,9 +371,9 @@ TEST(Blocks, WhereRelaxingWouldSoftenTheBodyElementsAreEvaluatedAnew) {
   }
   apply_policy(model, scene);
   const auto same = [&scene](const Model& body) {
-    HostBlocks<double> chosen(body, scene, tets_per_block, true);
-    HostBlocks<double> direct(body, scene, tets_per_block, false);
-    return largest_difference(after(chosen, 5), after(direct, 5)) == 0.0;
+    const auto chosen = make_host_blocks<double>(body, scene, tets_per_block, true);
+    const auto direct = make_host_blocks<double>(body, scene, tets_per_block, false);
+    return largest_difference(after(*chosen, 5), after(*direct, 5)) == 0.0;
   };
   EXPECT_TRUE(same(model));
   EXPECT_FALSE(same(uniform)) << "nothing of it is relaxed";
@@ -450,10 +452,10 @@ TEST(Blocks, ABodyInACornerIsHeldByBothPlanesAsOnACpu) {
   wall.point = model.origin + Vec3<double>{-0.026, 0.0, 0.0};
   wall.normal = {1.0, 0.0, 0.0};
   scene.params<Gravity>().front().direction = {-1.0, 0.0, -1.0};
-  HostBlocks<double> host(model, scene, tets_per_block, false);
+  const auto host = make_host_blocks<double>(model, scene, tets_per_block, false);
   const auto cpu = make_cpu_blocks(model, scene, tets_per_block);
   const State end = after(*cpu, 60);
-  EXPECT_LE(largest_difference(end, after(host, 60)), 1e-9 * model.size());
+  EXPECT_LE(largest_difference(end, after(*host, 60)), 1e-9 * model.size());
   EXPECT_GT(cpu->contact_count(), 20u) << "both planes hold a face of 16 vertices";
 }
 
@@ -485,7 +487,7 @@ TEST(Blocks, OneBlockIsGaussSeidel) {
   scene.time.order = 1;
   scene.params<Ground>()[0].clearance = 1e-3;
   constexpr BlockTeam team{32, 1000000};
-  HostBlocks<double> one_block(model, scene, 1000000, false, team);
+  const auto one_block = make_host_blocks<double>(model, scene, 1000000, false, team);
   const Program<double> program(model, scene);
   const BlockLayout layout(model, program, 1000000, team);
   const auto order =
@@ -499,16 +501,16 @@ TEST(Blocks, OneBlockIsGaussSeidel) {
   }
   stiffen(in_order, program.dt);
   const auto cpu = make_on_cpu(in_order, scene, {.precision = Precision::fp64});
-  EXPECT_LE(largest_difference(after(one_block, 60), after(*cpu, 60)), 1e-12);
-  EXPECT_GT(diagnose(model, scene, one_block.state()).elastic, 0.0);
+  EXPECT_LE(largest_difference(after(*one_block, 60), after(*cpu, 60)), 1e-12);
+  EXPECT_GT(diagnose(model, scene, one_block->state()).elastic, 0.0);
 }
 
 TEST(Blocks, TheNumberOfLanesChangesNoBit) {
   const Model model = make_cube(5);
   Scene scene = drop_scene();
-  HostBlocks<float> narrow(model, scene, tets_per_block, true, {8, 16, 32});
-  HostBlocks<float> wide(model, scene, tets_per_block, true, {256, 16, 32});
-  EXPECT_EQ(after(narrow, 10).hash(), after(wide, 10).hash());
+  const auto narrow = make_host_blocks<float>(model, scene, tets_per_block, true, {8, 16, 32});
+  const auto wide = make_host_blocks<float>(model, scene, tets_per_block, true, {256, 16, 32});
+  EXPECT_EQ(after(*narrow, 10).hash(), after(*wide, 10).hash());
 }
 
 TEST(Blocks, OtherValuesGiveTheRunThatStartsWithThem) {
@@ -517,19 +519,19 @@ TEST(Blocks, OtherValuesGiveTheRunThatStartsWithThem) {
   for (Material& material : stiff.materials) material.youngs_modulus *= 3.0;
   Scene scene = drop_scene(), steep = scene;
   steep.params<Gravity>()[0].acceleration = 5.0;
-  HostBlocks<float> changed(model, scene, tets_per_block, true);
-  const State middle = after(changed, 5);
-  changed.retune(stiff, steep);
-  HostBlocks<float> fresh(stiff, steep, tets_per_block, true);
-  fresh.set_state(middle);
-  EXPECT_EQ(after(changed, 5).hash(), after(fresh, 5).hash());
+  const auto changed = make_host_blocks<float>(model, scene, tets_per_block, true);
+  const State middle = after(*changed, 5);
+  changed->retune(stiff, steep);
+  const auto fresh = make_host_blocks<float>(stiff, steep, tets_per_block, true);
+  fresh->set_state(middle);
+  EXPECT_EQ(after(*changed, 5).hash(), after(*fresh, 5).hash());
 }
 
 TEST(Blocks, ABodyWithoutForcesStaysWhereItIsToTheBit) {
   const Model model = make_cube(3);
   for (const bool linearized : {true, false}) {
-    HostBlocks<float> blocks(model, elastic_scene(), 60, linearized);
-    const State state = after(blocks, 20);
+    const auto blocks = make_host_blocks<float>(model, elastic_scene(), 60, linearized);
+    const State state = after(*blocks, 20);
     for (const auto& u : state.u) EXPECT_EQ(norm(u), 0.0);
   }
 }
@@ -543,19 +545,14 @@ TEST(Blocks, ADampedBodyOnTheGroundComesToRest) {
   Scene scene = drop_scene();
   scene.params<Ground>().front().clearance = 0.0;
   scene.time.substeps = 32;
-  HostBlocks<float> solver(model, scene, 100, true);
-  for (int frame = 0; frame < 180; ++frame) solver.advance_frame();
+  const auto solver = make_host_blocks<float>(model, scene, 100, true);
+  for (int frame = 0; frame < 180; ++frame) solver->advance_frame();
   for (int frame = 0; frame < 2; ++frame) {
-    solver.advance_frame();
-    EXPECT_LT(diagnose(model, scene, solver.state()).max_speed, 1e-4);
+    solver->advance_frame();
+    EXPECT_LT(diagnose(model, scene, solver->state()).max_speed, 1e-4);
   }
 }
 
 }  // namespace
-
-std::unique_ptr<Solver> make_host_blocks(const Model& model, const Scene& scene,
-                                         int tets_per_block) {
-  return std::make_unique<HostBlocks<double>>(model, scene, tets_per_block, true);
-}
 
 }  // namespace viscera::sim

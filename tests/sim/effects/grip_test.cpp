@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/base/refusal.hpp"
-#include "tests/backend/make_host_blocks.hpp"
+#include "tests/backend/host_blocks.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -33,8 +33,10 @@ std::vector<Way> ways() {
   };
   return {{"xpbd", on_cpu({.precision = Precision::fp64})},
           {"blocks", on_cpu({.scheme = Scheme::block_gauss_seidel, .block_tets = 60})},
-          {"host_blocks", [](const Model& model,
-                             const Scene& scene) { return make_host_blocks(model, scene, 60); }},
+          {"host_blocks",
+           [](const Model& model, const Scene& scene) {
+             return make_host_blocks<double>(model, scene, 60, true);
+           }},
           {"tled", on_cpu({.method = Method::tled})},
           {"fem", on_cpu({.method = Method::fem})}};
 }
