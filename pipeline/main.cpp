@@ -10,6 +10,7 @@
 #include "pipeline/engine/run/inspect.hpp"
 #include "pipeline/engine/store/upkeep.hpp"
 #include "pipeline/record/diff.hpp"
+#include "pipeline/record/diff_folder.hpp"
 #include "pipeline/record/record.hpp"
 #include "pipeline/schema/spec_schema.hpp"
 
@@ -140,21 +141,24 @@ CLI::App* declare_record(CLI::App& app, RecordRequest& request) {
 }
 
 struct Diffing {
-  fs::path a, b;
+  DiffRequest request;
   bool json = false;
 };
 
 CLI::App* declare_diff(CLI::App& app, Diffing& diffing) {
   auto* diff = app.add_subcommand(
       "diff", "says what differs between two finished runs: inputs, parameters, mesh, results");
-  diff->add_option("a", diffing.a, "the folder of a run")->required();
-  diff->add_option("b", diffing.b, "the folder of another")->required();
-  diff->add_flag("--json", diffing.json, "for programs");
+  diff->add_option("a", diffing.request.a, "the folder of a run")->required();
+  diff->add_option("b", diffing.request.b, "the folder of another")->required();
+  auto* json = diff->add_flag("--json", diffing.json, "for programs");
+  diff->add_option("--out", diffing.request.out,
+                   "a folder that is written, with pictures, in place of printing")
+      ->excludes(json);
   return diff;
 }
 
 void print_diff(const Diffing& diffing) {
-  const Json diff = diff_of(read_run(diffing.a), read_run(diffing.b));
+  const Json diff = diff_of(read_run(diffing.request.a), read_run(diffing.request.b));
   std::cout << (diffing.json ? diff.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"
                              : diff_text(diff))
             << std::flush;
@@ -234,7 +238,9 @@ int main(int argc, char** argv) {
       return 0;
     }
     if (*diff) {
-      print_diff(diffing);
+      diffing.request.programs = places.programs;
+      diffing.request.cache = places.cache;
+      diffing.request.out.empty() ? print_diff(diffing) : write_diff(diffing.request);
       return 0;
     }
     if (*verify) return static_cast<int>(verify_store(places.cache));

@@ -16,14 +16,15 @@ namespace viscera::engine {
 namespace {
 
 // What the rows of a section show, and what a run must have for them to concern it: effects, or one
-// of the words below. All bodies of these tables are of linear tets under the law neo_hookean (PBD:
-// distance and volume).
+// of the words below. The bodies of these tables have the law neo_hookean (PBD: distance and
+// volume), in linear tets where a row names no others.
 struct Section {
   const char* name;
   const char* subject;
   std::vector<const char*> needs;
 };
-constexpr const char* tissue = "tissue";  // the law, whichever elements it has
+constexpr const char* tissue = "tissue";      // the law, whichever elements it has
+constexpr const char* elements = "elements";  // of that law alone, which PBD's constraints are not
 constexpr const char* several_materials = "several materials";
 constexpr const char* several_densities = "several densities";
 constexpr const char* obstacle = "obstacle";
@@ -40,6 +41,7 @@ const std::vector<Section> sections = {
     {"friction", "Coulomb friction against the closed form", {obstacle}},
     {"restitution", "rebound of free vertices", {particles}},
     {"measured", "a silicone beam against its measurement", {tissue, "gravity"}},
+    {"element", "elements against quadratic tets on the same mesh", {elements, "gravity"}},
     {"judge", "displacements and the clamp's force against CalculiX", {tissue, "gravity"}},
     {"1", "recovery from a squashed or mirrored state", {tissue}},
     {"2", "recovery from a state without volume", {tissue}},
@@ -72,8 +74,10 @@ bool has(const Setting& setting, const std::string& effect) {
 }
 
 bool meets(const Setting& setting, const std::string& need) {
+  const bool has_elements = has(setting, "neo_hookean") || has(setting, "smoothed_neo_hookean");
+  if (need == elements) return has_elements;
   if (need == tissue) {
-    return has(setting, "neo_hookean") || has(setting, "smoothed_neo_hookean") ||
+    return has_elements ||
            (setting.method == "pbd" && has(setting, "distance") && has(setting, "volume"));
   }
   if (need == obstacle) {
@@ -169,15 +173,23 @@ bool concerns(const Setting& setting, const std::vector<std::string>& row) {
                              [&](const char* need) { return meets(setting, need); });
 }
 
-bool is_quadratic(const std::string& solver) {
-  return solver.find("quadratic") != std::string::npos;
+struct ElementWords {
+  const char *name, *plural;
+};
+// The elements of a row, which its solver's cell names where they are not linear tets.
+ElementWords elements_of(const std::string& solver) {
+  for (const ElementWords& words :
+       {ElementWords{"quadratic", "quadratic tets"}, {"smoothed", "smoothed elements"}}) {
+    if (solver.find(words.name) != std::string::npos) return words;
+  }
+  return {"linear", "linear tets"};
 }
 
 Json row_json(const Setting& setting, const ResultTable& table,
               const std::vector<std::string>& row) {
   Json differs = Json::array();
-  const std::string element = is_quadratic(row[2]) ? "quadratic" : "linear";
-  if (setting.method != "pbd" && setting.element != element) differs.push_back(element + " tets");
+  const ElementWords own = elements_of(row[2]);
+  if (setting.method != "pbd" && setting.element != own.name) differs.push_back(own.plural);
   if (row[3] != setting.precision && row[3] != "any") differs.push_back(row[3]);
   const bool failed = row[4].find("failed") != std::string::npos;
   return {{"table", table.file},

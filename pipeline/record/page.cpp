@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 
 namespace viscera::engine {
 namespace {
@@ -150,6 +151,12 @@ std::string evidence_part(const Json& record) {
   return text;
 }
 
+std::string pictures_part(const std::vector<std::string>& pictures) {
+  std::string text;
+  for (const auto& picture : pictures) text += fmt::format("![{0}]({0})\n\n", picture);
+  return text;
+}
+
 }  // namespace
 
 std::string record_page(const Json& record, const std::vector<std::string>& pictures) {
@@ -192,7 +199,30 @@ std::string record_page(const Json& record, const std::vector<std::string>& pict
       {"stage", "Stage"}, {"name", "File"}, {"bytes", "Bytes"}, {"sha256", "SHA-256"}};
   text += "## Inputs\n\n" + table(record["inputs"], file_columns);
   text += "## Outputs\n\n" + table(record["outputs"], file_columns);
-  for (const auto& picture : pictures) text += fmt::format("![{0}]({0})\n\n", picture);
+  return text + pictures_part(pictures);
+}
+
+std::string diff_page(const Json& diff, const std::vector<std::string>& pictures,
+                      const std::string& why_not) {
+  std::string text = fmt::format("# What differs between two runs\n\n- A: {}\n- B: {}\n\n",
+                                 shown(diff["a"]), shown(diff["b"]));
+  text += why_not.empty() ? pictures_part(pictures) +
+                                "Both in motion: [compare/compare.html](compare/compare.html).\n\n"
+                          : fmt::format("No pictures: {}.\n\n", plain(why_not));
+  for (const auto& [part, compared] : diff["parts"].items()) {
+    text += fmt::format("## {}{}\n\n{} differ, {} are equal.\n\n",
+                        static_cast<char>(std::toupper(part[0])), part.substr(1),
+                        compared["differing"].size(), compared["equal"].dump());
+    Json rows = compared["differing"];
+    for (auto& row : rows) {
+      if (row["change"].is_number())
+        row["change"] = fmt::format("{:+.3g} %", 100.0 * row["change"].get<double>());
+    }
+    if (!rows.empty()) {
+      text += table(
+          rows, {{"name", "Name"}, {"a", "A"}, {"b", "B"}, {"unit", "Unit"}, {"change", "Change"}});
+    }
+  }
   return text;
 }
 

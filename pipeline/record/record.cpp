@@ -1,10 +1,8 @@
 #include "pipeline/record/record.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <cstdio>
 #include <iostream>
 #include <sstream>
 
@@ -18,6 +16,7 @@
 #include "pipeline/record/methods.hpp"
 #include "pipeline/record/page.hpp"
 #include "pipeline/record/parameters.hpp"
+#include "pipeline/record/replaced_folder.hpp"
 
 VISCERA_EMBEDDED_FILE(record_schema_json);
 
@@ -138,9 +137,7 @@ std::string as_text(const Json& json) {
 
 class RecordFolder {
  public:
-  explicit RecordFolder(fs::path folder) : folder_(std::move(folder)) {
-    fs::create_directory(folder_);
-  }
+  explicit RecordFolder(fs::path folder) : folder_(std::move(folder)) {}
 
   void write(const std::string& name, const std::string& title, const std::string& text) {
     write_atomically(folder_ / name, text);
@@ -174,48 +171,22 @@ class RecordFolder {
   std::vector<std::string> pictures_;
 };
 
-void check_replaceable(const fs::path& out) {
-  std::error_code failure;
-  if (!fs::exists(fs::symlink_status(out, failure))) return;
-  const bool is_folder = fs::is_directory(out, failure);
-  if (is_folder && (fs::is_empty(out, failure) || fs::is_regular_file(out / record_name))) return;
-  throw Error(ExitCode::usage,
-              {.where = out.string(),
-               .field = "--out",
-               .found = is_folder ? "a folder that holds something else" : "no folder",
-               .allowed = "a new folder, an empty one, or an earlier record, which is replaced",
-               .remedy = "choose another --out"});
-}
-
-// Puts `made` in the place of `out`, which stays until then; what was there goes with the temporary
-// folder that `made` lies in.
-void put_in_place(const fs::path& made, const fs::path& out) {
-  if (fs::exists(out)) {
-    if (renameat2(AT_FDCWD, made.c_str(), AT_FDCWD, out.c_str(), RENAME_EXCHANGE) == 0) return;
-    fs::rename(out, made.parent_path() / "before");  // a file system that cannot exchange
-  }
-  fs::rename(made, out);
-}
-
 }  // namespace
 
 void write_record(const RecordRequest& request) {
   const FinishedRun run = read_run(request.run);
   check_outputs(run);
-  fs::path out = (request.out.empty() ? request.run / "record" : request.out).lexically_normal();
-  if (!out.has_filename()) out = out.parent_path();
-  check_replaceable(out);
+  const ReplacedFolder made(request.out.empty() ? request.run / "record" : request.out, record_name,
+                            "record");
   const Json record = record_of(run, declarations_of(run, request));
-  const TemporaryFolder staging(out.has_parent_path() ? out.parent_path() : fs::path("."));
-  RecordFolder folder(staging.path() / "record");
+  RecordFolder folder(made.path());
   for (const FinishedStage& stage : run.stages) folder.take(stage);
   folder.write("record.md", "The record, to be read", record_page(record, folder.pictures()));
   folder.write(record_name, "The record, for programs", as_text(record));
   folder.write("record.schema.json", "JSON schema of record.json", std::string(record_schema()));
-  write_atomically(staging.path() / "record" / "ro-crate-metadata.json",
+  write_atomically(made.path() / "ro-crate-metadata.json",
                    as_text(crate_metadata(run, folder.files(), request.license)));
-  put_in_place(staging.path() / "record", out);
-  std::cout << fmt::format("{}: {} files\n", (out / "record.md").string(),
+  std::cout << fmt::format("{}: {} files\n", (made.put_in_place() / "record.md").string(),
                            folder.files().size() + 1);
 }
 

@@ -41,8 +41,8 @@ Param size_param() {
 
 // volume -> alpha -> (role a) -> beta -> (role b) -> gamma -> page; gamma reads a and b's manifest
 // as well. echo reads b alone. refit writes b and may read b from a file. delta writes role a too.
-// loop_one and loop_two feed one another. many reads every e and names the cases; census reads what
-// the engine says of them. device may use a GPU.
+// loop_one and loop_two feed one another. many reads every e and names the cases; compare reads
+// two b; census reads what the engine says of them. device may use a GPU.
 StageInfo declare(const std::string& name) {
   StageInfo info{.name = name, .version = "1", .doc = "a fake stage"};
   info.params = {{.name = "text", .fallback = "hello", .doc = "copied to the output"},
@@ -66,6 +66,15 @@ StageInfo declare(const std::string& name) {
                            .type = ParamType::list,
                            .fallback = Json::array(),
                            .doc = "names of the cases"});
+  }
+  if (name == "compare") {
+    feed("b", "comparison");
+    info.inputs.back().many = true;
+    info.outputs.push_back({.file = "overlay.png", .role = "", .doc = "a picture"});
+    info.params = {
+        {.name = "title", .doc = "heading"},
+        {.name = "cases", .type = ParamType::list, .fallback = Json::array(), .doc = "names"},
+        {.name = "methods", .type = ParamType::list, .fallback = Json::array(), .doc = "names"}};
   }
   if (name == "census") feed("runs", "census");
   if (name == "device") {
@@ -186,6 +195,13 @@ void misbehave(const StageInfo& info, const std::string& how, const StageRun& ru
 
 void work(const std::string& name, StageRun& run) {
   misbehave(declare(name), environment("FAKE_" + name), run);
+  if (name == "compare") {
+    std::ofstream(run.out("overlay.png")) << "picture";
+    std::string text = run.params().dump() + "\n";
+    for (const auto& file : run.inputs("b")) text += read_file(file) + "\n";
+    write_atomically(run.out("compare.txt"), text);
+    return;
+  }
   log::progress("working", 0.5);
   if (run.param<std::string>("text") == "fail")
     throw Error(ExitCode::bad_input, {.where = "volume.txt", .found = "text fail"});

@@ -200,5 +200,72 @@ TEST_F(Record, DiffTellsParametersAndOutputsThatDiffer) {
   EXPECT_EQ(work_.viscera({"diff", "out/spec", "absent"}).exit, 2);
 }
 
+class DiffFolder : public Record {
+ protected:
+  void SetUp() override {
+    Record::SetUp();
+    work_.write("other.yaml", work_.read("spec.yaml"));
+    ASSERT_EQ(work_.run_spec("other.yaml", {"--set", "beta.size=5mm"}).exit, 0);
+  }
+  // The engine's stages have none that shows runs side by side.
+  void add_compare() const {
+    fs::create_hard_link(work_.path("bin/viscera-alpha"), work_.path("bin/viscera-compare"));
+  }
+  CommandResult diff(const std::vector<std::string>& environment = {}) const {
+    return work_.viscera({"diff", "out/spec", "out/other", "--out", "out/diff"}, environment);
+  }
+};
+
+TEST_F(DiffFolder, HoldsTablesAndThePicturesOfTheStageThatShowsBothRuns) {
+  add_compare();
+  const auto result = diff();
+  ASSERT_EQ(result.exit, 0) << result.errors;
+  EXPECT_EQ(result.out, "out/diff/diff.md\n");
+  const std::string page = work_.read("out/diff/diff.md");
+  EXPECT_TRUE(contains(page, "| beta.size | 4 | 5 | mm | +25 % |")) << page;
+  EXPECT_TRUE(contains(page, "![compare/overlay.png](compare/overlay.png)")) << page;
+  const std::string seen = work_.read("out/diff/compare/compare.txt");
+  EXPECT_TRUE(contains(seen, R"("methods":["A","B"])")) << seen;
+  EXPECT_LT(seen.find(work_.read("out/spec/beta/beta.txt")),
+            seen.find(work_.read("out/other/beta/beta.txt")));
+  const Json parameters = json("out/diff/diff.json")["parts"]["parameters"]["differing"];
+  EXPECT_EQ(parameters[0]["name"], "beta.size");
+}
+
+TEST_F(DiffFolder, WithoutThatStageSaysWhyThereAreNoPictures) {
+  ASSERT_EQ(diff().exit, 0);
+  EXPECT_TRUE(contains(work_.read("out/diff/diff.md"), "No pictures: "))
+      << work_.read("out/diff/diff.md");
+}
+
+TEST_F(DiffFolder, ReplacesAnEarlierOneAndNothingElse) {
+  ASSERT_EQ(diff().exit, 0);
+  work_.write("out/diff/left.txt", "of the earlier one");
+  ASSERT_EQ(diff().exit, 0);
+  EXPECT_FALSE(fs::exists(work_.path("out/diff/left.txt")));
+  const auto before = work_.snapshot();
+  const auto refused = work_.viscera({"diff", "out/spec", "out/other", "--out", "out/spec"});
+  EXPECT_EQ(refused.exit, 2) << refused.errors;
+  EXPECT_TRUE(contains(refused.errors, "earlier diff")) << refused.errors;
+  EXPECT_EQ(work_.snapshot(), before);
+}
+
+TEST_F(DiffFolder, WhenThatStageFailsLeavesTheEarlierOneAndSaysWhatItSaid) {
+  add_compare();
+  ASSERT_EQ(diff().exit, 0);
+  const auto before = work_.snapshot();
+  const auto result = diff({"FAKE_compare=fail"});
+  EXPECT_EQ(result.exit, 4) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "too odd")) << result.errors;
+  EXPECT_EQ(work_.snapshot(), before);
+}
+
+TEST_F(DiffFolder, OfARunThatWasChangedAfterwardsIsRefused) {
+  fs::remove(work_.path("out/spec/beta/beta.txt"));
+  work_.write("out/spec/beta/beta.txt", "edited\n");
+  EXPECT_EQ(diff().exit, 4);
+  EXPECT_FALSE(fs::exists(work_.path("out/diff")));
+}
+
 }  // namespace
 }  // namespace viscera::test

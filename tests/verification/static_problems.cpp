@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 
+#include "sim/element_choice.hpp"
 #include "tests/verification/problems.hpp"
 
 namespace viscera::sim {
@@ -35,8 +36,8 @@ struct Settled {
 };
 
 // Without a policy: what too few substeps do is to be seen.
-Settled settle(const Model& model, const State& exact, const SolverOptions& options, int substeps) {
-  Scene scene = own_weight();
+Settled settle(const Model& model, Scene scene, const State& exact, const SolverOptions& options,
+               int substeps) {
   scene.time.substeps = substeps;
   scene.stability = StabilityPolicy::warn;
   Run run(model, scene, options);
@@ -51,16 +52,18 @@ std::string note_of(const Settled& settled, double exact_tip) {
                      settled.speed);
 }
 
-void add_stiffness_rows(std::vector<Row>& rows) {
+void add_stiffness_rows(std::vector<Row>& rows, const char* solver, Element element) {
   for (const double e : {5e3, 1.5e4, 5e4}) {
     for (const double nu : {0.3, 0.45, 0.49}) {
       rows.push_back(
-          {"static", fmt::format("bar of 450 tets, E {:g} kPa, ν {}", 1e-3 * e, nu),
-           "xpbd gauss_seidel, 64 × 1", "fp64", [e, nu]() -> Outcome {
+          {"static", fmt::format("bar of 450 tets, E {:g} kPa, ν {}", 1e-3 * e, nu), solver, "fp64",
+           [e, nu, element]() -> Outcome {
              const Model model = judged_bar({10, 3, 3}, e, nu);
-             const State exact = equilibrium(model, own_weight());
+             Scene scene = own_weight();
+             set_element(scene.effects, element);
+             const State exact = equilibrium(model, scene);
              const auto found =
-                 settle(model, exact, xpbd(Scheme::gauss_seidel, Precision::fp64), 64);
+                 settle(model, scene, exact, xpbd(Scheme::gauss_seidel, Precision::fp64), 64);
              return {{{"error", found.error, 0.01}}, note_of(found, tip_mm(model, exact)), ""};
            }});
     }
@@ -83,7 +86,7 @@ void add_substep_rows(std::vector<Row>& rows) {
                       "fp64", [options = options, substeps]() -> Outcome {
                         static const Model model = judged_bar({20, 6, 6});
                         static const State exact = equilibrium(model, own_weight());
-                        const auto found = settle(model, exact, options, substeps);
+                        const auto found = settle(model, own_weight(), exact, options, substeps);
                         const double tip = tip_mm(model, exact);
                         std::string note = note_of(found, tip);
                         if (!found.state.finite())
@@ -105,7 +108,7 @@ Outcome equal_work() {
   double rises = 0.0, before = std::numeric_limits<double>::infinity();
   for (int substeps = 1; substeps <= 64; substeps *= 2) {
     const SolverOptions options = xpbd(Scheme::gauss_seidel, Precision::fp64, 64 / substeps);
-    const auto found = settle(model, exact, options, substeps);
+    const auto found = settle(model, own_weight(), exact, options, substeps);
     note += fmt::format(" {} × {}: {:.2f} mm,", substeps, 64 / substeps, found.tip);
     if (!(found.error <= before)) rises += 1.0;
     before = found.error;
@@ -138,7 +141,8 @@ Outcome single_against_double(Scheme scheme, double offset, double bound) {
 }  // namespace
 
 void add_static_problems(std::vector<Row>& rows) {
-  add_stiffness_rows(rows);
+  add_stiffness_rows(rows, "xpbd gauss_seidel, 64 × 1", Element::linear);
+  add_stiffness_rows(rows, "xpbd gauss_seidel, smoothed elements, 64 × 1", Element::smoothed);
   add_substep_rows(rows);
   rows.push_back({"substeps", "64 sweeps a frame, as substeps × iterations", "xpbd gauss_seidel",
                   "fp64", equal_work});
