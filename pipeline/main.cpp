@@ -44,6 +44,19 @@ CLI::AsNumberWithUnit as_seconds() {
       std::map<std::string, double>{{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}});
 }
 
+// The library's own message of a range names the largest of all numbers.
+CLI::Validator is_time(bool zero_too) {
+  return CLI::Validator(
+      [zero_too](const std::string& seconds) {
+        const double value = std::stod(seconds);
+        return value > 0.0 || (zero_too && value == 0.0)
+                   ? std::string()
+                   : std::string(zero_too ? "a time of 0 or more" : "a time above 0") +
+                         " is needed, such as 90s, 30min, 12h or 2d";
+      },
+      "");
+}
+
 CLI::App* declare_run(CLI::App& app, RunOptions& options) {
   auto* run = app.add_subcommand("run", "runs a spec; what is in the cache is not computed again");
   add_spec(*run, options.spec, options.places, "the spec, a YAML file");
@@ -63,7 +76,7 @@ CLI::App* declare_run(CLI::App& app, RunOptions& options) {
       ->check(CLI::Range(1, 1024));
   run->add_option("--timeout", options.timeout_s, "for each stage: 90s, 30min, 2h")
       ->transform(as_seconds())
-      ->check(CLI::PositiveNumber);
+      ->check(is_time(false));
   run->add_flag("--dry-run", options.dry_run, "say what would run and why; write nothing");
   run->add_flag("--quiet", options.quiet, "warnings and errors only");
   run->add_option_function<std::string>(
@@ -124,7 +137,7 @@ CLI::App* declare_gc(CLI::App& app, GcOptions& options, Places& places) {
       ->transform(CLI::AsSizeValue(true));
   gc->add_option("--max-age", options.max_age_s, "since a result was last used: 30d, 12h")
       ->transform(as_seconds())
-      ->check(CLI::NonNegativeNumber);
+      ->check(is_time(true));
   gc->add_flag("--dry-run", options.dry_run, "say what would be removed; remove nothing");
   add_folders(*gc, places.out, places.cache);
   return gc;

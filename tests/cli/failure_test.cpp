@@ -201,9 +201,9 @@ INSTANTIATE_TEST_SUITE_P(
     Each, CommandLine,
     testing::ValuesIn(std::vector<BadCommand>{
         {"MistypedCommand", {"rnu", "spec.yaml"}, {"'run'"}},
-        {"NoTime", {"run", "spec.yaml", "--timeout", "0"}, {"--timeout"}},
-        {"TimeBelowZero", {"run", "spec.yaml", "--timeout=-1h"}, {"--timeout"}},
-        {"AgeBelowZero", {"gc", "--max-age=-1d"}, {"--max-age"}},
+        {"NoTime", {"run", "spec.yaml", "--timeout", "0"}, {"--timeout", "above 0"}},
+        {"TimeBelowZero", {"run", "spec.yaml", "--timeout=-1h"}, {"--timeout", "above 0"}},
+        {"AgeBelowZero", {"gc", "--max-age=-1d"}, {"--max-age", "0 or more"}},
         {"EmptyOut", {"run", "spec.yaml", "--out", ""}, {"--out", "empty"}},
         {"SetTwice",
          {"run", "spec.yaml", "--set", "input=volume.txt", "--set", "input=other.txt"},

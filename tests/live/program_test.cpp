@@ -69,6 +69,7 @@ TEST_F(LiveProgram, InputOfAnotherMeshIsRefused) {
   write_atomically(path("input.jsonl"), "{\"frame\": 1}\n");
   EXPECT_EQ(run("--headless 20 --replay " + log).code, 4);
   EXPECT_EQ(run("--headless 20 --replay " + path("absent").string()).code, 4);
+  EXPECT_EQ(run("--headless 20 --replay /dev/zero").code, 4) << "it has no end";
 }
 
 TEST_F(LiveProgram, TheReportReadsWhatWasRecorded) {

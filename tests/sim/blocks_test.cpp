@@ -299,7 +299,7 @@ TEST(Blocks, OfACpuAreThoseOfADeviceFromTheFallToTheRest) {
     EXPECT_LT(largest(end.v), 1e-4);
     EXPECT_GT(largest(end.u), 5e-3);
     EXPECT_LE(largest_difference(end, after(*direct, 150)), 1e-9 * model.size());
-    EXPECT_LE(largest_difference(end, after(*linearised, 150)), 5e-4 * model.size());
+    EXPECT_LE(largest_difference(end, after(*linearised, 150)), 3.5e-4 * model.size());
   }
 }
 
