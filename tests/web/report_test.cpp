@@ -346,6 +346,19 @@ TEST_F(Report, DamagedCompanionsAreRefusedByName) {
   expect_refused(inputs, "line 3");
 }
 
+TEST_F(Report, CompanionsOfAnotherTypeOrTooDeepAreRefusedByName) {
+  const std::string deep = std::string(200000, '[') + std::string(200000, ']');
+  for (const auto& [role, file, companion] : {std::array{"labels", "labels.nrrd", "labels.json"},
+                                              {"mesh", "mesh.vtu", "quality.json"},
+                                              {"trajectory", "trajectory.h5", "scene.json"}}) {
+    write_atomically(folder_.path() / file, "x");
+    for (const std::string& text : {std::string("[]"), std::string("3"), std::string("{"), deep}) {
+      write_atomically(folder_.path() / companion, text);
+      expect_refused({{role, folder_.path() / file}}, companion);
+    }
+  }
+}
+
 TEST_F(Report, NothingToReportOnIsAUsageError) {
   const Stage stage = report_stage();
   try {
