@@ -87,7 +87,6 @@ const std::vector<BadTable> bad = {
     {"FolderName", "case,words\n../up,b\n", {"cases.csv:2:1", "'../up'"}},
     {"NoName", "case,words\n,b\n", {"cases.csv:2:1", "can name a folder"}},
     {"RunsOwnFile", "case,words\na,b\nruns.json,c\n", {"cases.csv:3:1", "the run itself"}},
-    {"CohortsOwnFile", "case,words\na,b\ncohort.csv,c\n", {"cases.csv:3:1"}},
     {"Formula", "case,words\n=1+1,b\n", {"cases.csv:2:1", "'=1+1'", "at its beginning"}},
     {"Option", "case,words\n--case,b\n", {"cases.csv:2:1", "'--case'"}},
     {"UnknownVariable", "case,wrods\na,b\n", {"cases.csv:2:3", "did you mean 'words'?"}},
