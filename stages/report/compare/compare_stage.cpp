@@ -16,7 +16,7 @@
 namespace viscera {
 namespace {
 
-constexpr const char* version = "4";
+constexpr const char* version = "5";
 
 Param list(const char* name, Json fallback, const char* doc) {
   return {.name = name, .type = ParamType::list, .fallback = std::move(fallback), .doc = doc};

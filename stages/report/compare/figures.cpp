@@ -59,8 +59,9 @@ double ground_of(const ComparedRun& run) {
   return lowest - 1e3 * (clearance_m ? clearance_m->number() : 0.0);
 }
 
-// One camera for all pictures of a figure: the box of the rest shape and of where it ends.
-Camera camera_for(const ComparedRun& run) {
+// One camera for all pictures of a figure: the box of the rest shape and of where it ends, and of
+// the rest shapes of `beside`, which may be other bodies. Where those end may be anywhere.
+Camera camera_for(const ComparedRun& run, const RunList& beside) {
   std::array<double, 3> lo{1e300, 1e300, 1e300}, hi{-1e300, -1e300, -1e300};
   const auto include = [&](const auto* p) {
     for (int k = 0; k < 3; ++k) {
@@ -68,6 +69,9 @@ Camera camera_for(const ComparedRun& run) {
     }
   };
   for (const auto& p : run.trajectory->mesh().points) include(p.data());
+  for (const auto* other : beside) {
+    for (const auto& p : other->trajectory->mesh().points) include(p.data());
+  }
   if (const std::size_t frames = run.trajectory->times_s().size(); frames > 0) {
     const auto xyz = run.trajectory->positions_mm(frames - 1);
     for (std::size_t i = 0; i < xyz.size(); i += 3) include(&xyz[i]);
@@ -132,7 +136,7 @@ std::vector<Colour> colours_of(const RunList& runs) {
 Figure grid_figure(const RunList& rows, int columns) {
   const int count = static_cast<int>(rows.size());
   Figure figure{blank(columns * tile_width, count * tile_height, {1, 1, 1}), Json::array()};
-  const Camera camera = camera_for(*rows.front());
+  const Camera camera = camera_for(*rows.front(), rows);
   double last = 0.0;
   for (const auto* run : rows) last = std::max(last, run->metric("rest_time").value_or(0.0));
   const double first = rows.front()->metric("contact_time").value_or(0.0);
@@ -157,7 +161,7 @@ Figure grid_figure(const RunList& rows, int columns) {
 Figure side_by_side_figure(const RunList& runs) {
   const int count = static_cast<int>(runs.size());
   Figure figure{blank(count * tile_width, tile_height, {1, 1, 1}), Json::array()};
-  const Camera camera = camera_for(*runs.front());
+  const Camera camera = camera_for(*runs.front(), runs);
   const std::vector<Colour> colours = colours_of(runs);
   for (int i = 0; i < count; ++i) {
     const std::size_t frame = most_deformed_frame(*runs[i]);
@@ -172,7 +176,7 @@ Figure overlay_figure(const RunList& runs) {
   const int count = static_cast<int>(runs.size()) - 1;
   Figure figure{blank(count * tile_width, tile_height, {1, 1, 1}), Json::array()};
   const std::vector<Colour> colours = colours_of(runs);
-  const Camera camera = camera_for(outlined);
+  const Camera camera = camera_for(outlined, runs);
   const std::size_t frame = most_deformed_frame(outlined);
   const double time = time_of(outlined, frame);
   for (std::size_t i = 0; i < runs.size(); ++i) {
@@ -192,7 +196,7 @@ Figure shape_figure(const ComparedRun& run, const std::vector<float>& xyz,
   Figure figure{blank(2 * tile_width, tile_height, {1, 1, 1}), Json::array()};
   const Triangles faces = outer_faces(run.trajectory->mesh());
   for (const double side : {1.0, -1.0}) {
-    Camera camera = camera_for(run);
+    Camera camera = camera_for(run, {});
     for (int k = 0; k < 2; ++k) camera.view[k] *= side;
     Canvas canvas(tile_width, tile_height, camera);
     canvas.draw({xyz, faces, {}, colours});
