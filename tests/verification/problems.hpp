@@ -21,7 +21,6 @@ const char* name_of(Precision precision);
 SolverOptions xpbd(Scheme scheme, Precision precision, int iterations = 1);
 
 void add_static_problems(std::vector<Row>& rows);
-void add_element_problems(std::vector<Row>& rows);
 void add_motion_problems(std::vector<Row>& rows);
 void add_contact_problems(std::vector<Row>& rows);
 void add_measured_problems(std::vector<Row>& rows);

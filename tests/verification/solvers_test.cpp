@@ -60,7 +60,6 @@ std::string agreement_in_words() {
 TEST(Solvers, EveryFigureIsWithinItsBoundOrAKnownMissThatIsNoWorse) {
   std::vector<Row> rows;
   add_static_problems(rows);
-  add_element_problems(rows);
   add_motion_problems(rows);
   add_contact_problems(rows);
   add_measured_problems(rows);
