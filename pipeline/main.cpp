@@ -5,6 +5,7 @@
 #include <new>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/engine/programs/catalog.hpp"
 #include "pipeline/engine/run/inspect.hpp"
@@ -172,9 +173,7 @@ CLI::App* declare_diff(CLI::App& app, Diffing& diffing) {
 
 void print_diff(const Diffing& diffing) {
   const Json diff = diff_of(read_run(diffing.request.a), read_run(diffing.request.b));
-  std::cout << (diffing.json ? diff.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"
-                             : diff_text(diff))
-            << std::flush;
+  std::cout << (diffing.json ? document_of(diff) : diff_text(diff)) << std::flush;
 }
 
 // The library's own message for an unknown command is that none was given.

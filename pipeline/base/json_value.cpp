@@ -136,4 +136,8 @@ bool is_utf8(const std::string& text) {
   }
 }
 
+std::string document_of(const Json& json) {
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
 }  // namespace viscera

@@ -1,6 +1,6 @@
 // JSON that a stranger may have written: read to a bounded depth and by type. What is missing, or
 // of another type than asked for, is an Error that names the file, the place in it, what stands
-// there and what may. Nothing else calls the library's parser.
+// there and what may. Nothing else calls the library's parser. And JSON as we write it.
 //
 //   const JsonText study = read_json(path);
 //   for (const JsonValue& scene : study.root()["scenes"].items())
@@ -88,5 +88,9 @@ JsonText read_json(const std::filesystem::path& path);  // Error(bad_input): it 
 
 // Whether a text can stand in JSON: no overlong forms, no surrogates, nothing cut off.
 bool is_utf8(const std::string& text);
+
+// A document as files and standard output hold it: indented, with its last line ended. Bytes that
+// are no UTF-8 are replaced.
+std::string document_of(const Json& json);
 
 }  // namespace viscera

@@ -7,10 +7,11 @@
 #include <optional>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/engine/programs/catalog.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/engine/programs/process.hpp"
 #include "pipeline/record/diff.hpp"
 #include "pipeline/record/page.hpp"
+#include "pipeline/record/parameters.hpp"
 #include "pipeline/record/replaced_folder.hpp"
 
 namespace viscera::engine {
@@ -21,14 +22,11 @@ namespace {
 constexpr const char* shows_both = "compare";
 
 // What a run has for others to read under a role.
-std::optional<fs::path> output_of_role(const FinishedRun& run, Catalog& catalog,
+std::optional<fs::path> output_of_role(const FinishedRun& run, const Declarations& declarations,
                                        const std::string& role) {
-  const auto names = catalog.names();
-  for (const FinishedStage& stage : run.stages) {
-    if (!std::ranges::count(names, stage.name())) continue;
-    for (const OutputFile& output : catalog.find(stage.name(), "diff").info.outputs) {
-      if (output.role == role) return stage.folder / output.file;
-    }
+  for (const auto& [stage, declared] : declarations) {
+    const auto output = std::ranges::find(declared.outputs, role, &OutputFile::role);
+    if (output != declared.outputs.end()) return run.stage(stage)->folder / output->file;
   }
   return {};
 }
@@ -59,7 +57,7 @@ std::string show_both(const FinishedRun& a, const FinishedRun& b, const DiffRequ
   const std::string role = program.info.inputs.front().role;
   std::vector<std::string> arguments = {program.executable, "--out", folder, "--quiet"};
   for (const FinishedRun* run : {&a, &b}) {
-    const auto file = output_of_role(*run, catalog, role);
+    const auto file = output_of_role(*run, declarations_of(*run, catalog), role);
     if (!file) return fmt::format("{} has no {}", run->folder.string(), role);
     arguments.insert(arguments.end(), {"--in", role + "=" + file->string()});
   }
@@ -85,13 +83,12 @@ void write_diff(const DiffRequest& request) {
   const FinishedRun a = read_run(request.a), b = read_run(request.b);
   check_outputs(a), check_outputs(b);
   const ReplacedFolder folder(request.out, "diff.json", "diff");
-  Json diff = diff_of(a, b);
+  const Json diff = diff_of(a, b);
   const std::string why_not = show_both(a, b, request, folder.path() / shows_both);
   std::vector<std::string> pictures;
   if (why_not.empty()) pictures = pictures_in(folder.path() / shows_both);
   write_atomically(folder.path() / "diff.md", diff_page(diff, pictures, why_not));
-  write_atomically(folder.path() / "diff.json",
-                   diff.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_atomically(folder.path() / "diff.json", document_of(diff));
   std::cout << (folder.put_in_place() / "diff.md").string() << "\n";
 }
 

@@ -1,5 +1,4 @@
-// `viscera diff A B --out FOLDER`: what differs between two finished runs, for people who look at
-// it:
+// `viscera diff A B --out FOLDER`: what differs between two finished runs, with pictures.
 //
 //   diff.md     what differs, in tables, and pictures of both
 //   diff.json   the same for programs (diff.hpp)

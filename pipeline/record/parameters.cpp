@@ -197,6 +197,16 @@ class SceneRows {
 
 }  // namespace
 
+Declarations declarations_of(const FinishedRun& run, Catalog& catalog) {
+  const auto names = catalog.names();
+  Declarations declarations;
+  for (const FinishedStage& stage : run.stages) {
+    if (std::count(names.begin(), names.end(), stage.name()) == 0) continue;
+    declarations[stage.name()] = catalog.find(stage.name(), "record").info;
+  }
+  return declarations;
+}
+
 Json stage_parameters(const FinishedRun& run, const Declarations& declarations) {
   Json rows = Json::array();
   for (const FinishedStage& stage : run.stages) {

@@ -5,12 +5,14 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/engine/programs/catalog.hpp"
 #include "pipeline/record/finished_run.hpp"
 
 namespace viscera::engine {
 
 // What the stages of this version declare, by name; a stage may be missing.
 using Declarations = std::map<std::string, StageInfo>;
+Declarations declarations_of(const FinishedRun& run, Catalog& catalog);
 
 // Of the stages: a list of {stage, name, value, unit, origin, where, chosen, meaning}. `origin` is
 // "spec", "command line", "default", "engine" (a share of the machine), or "unknown" where neither

@@ -10,6 +10,7 @@
 #include "pipeline/base/digest.hpp"
 #include "pipeline/base/embedded_file.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/engine/programs/catalog.hpp"
 #include "pipeline/record/crate.hpp"
 #include "pipeline/record/credibility.hpp"
@@ -26,18 +27,6 @@ namespace {
 
 constexpr const char* record_name = "record.json";
 constexpr int schema_version = 1;
-
-Declarations declarations_of(const FinishedRun& run, const RecordRequest& request) {
-  Store store(request.cache, true);
-  Catalog catalog(request.programs, store);
-  const auto names = catalog.names();
-  Declarations declarations;
-  for (const FinishedStage& stage : run.stages) {
-    if (std::count(names.begin(), names.end(), stage.name()) == 0) continue;
-    declarations[stage.name()] = catalog.find(stage.name(), "record").info;
-  }
-  return declarations;
-}
 
 // A place in a spec: of the path its last name.
 void shorten_places(Json& rows) {
@@ -131,10 +120,6 @@ Json record_of(const FinishedRun& run, const Declarations& declarations) {
   return record;
 }
 
-std::string as_text(const Json& json) {
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
 class RecordFolder {
  public:
   explicit RecordFolder(fs::path folder) : folder_(std::move(folder)) {}
@@ -159,7 +144,8 @@ class RecordFolder {
     for (auto& [role, input] : manifest.inputs) input.path = file_name(input.path);
     Json json = to_json(manifest);
     json["key"] = stage.key;
-    write(stage.name() + "/manifest.json", "Manifest of the stage " + stage.name(), as_text(json));
+    write(stage.name() + "/manifest.json", "Manifest of the stage " + stage.name(),
+          document_of(json));
   }
 
   const std::vector<RecordFile>& files() const { return files_; }
@@ -178,14 +164,16 @@ void write_record(const RecordRequest& request) {
   check_outputs(run);
   const ReplacedFolder made(request.out.empty() ? request.run / "record" : request.out, record_name,
                             "record");
-  const Json record = record_of(run, declarations_of(run, request));
+  Store store(request.cache, true);
+  Catalog catalog(request.programs, store);
+  const Json record = record_of(run, declarations_of(run, catalog));
   RecordFolder folder(made.path());
   for (const FinishedStage& stage : run.stages) folder.take(stage);
   folder.write("record.md", "The record, to be read", record_page(record, folder.pictures()));
-  folder.write(record_name, "The record, for programs", as_text(record));
+  folder.write(record_name, "The record, for programs", document_of(record));
   folder.write("record.schema.json", "JSON schema of record.json", std::string(record_schema()));
   write_atomically(made.path() / "ro-crate-metadata.json",
-                   as_text(crate_metadata(run, folder.files(), request.license)));
+                   document_of(crate_metadata(run, folder.files(), request.license)));
   std::cout << fmt::format("{}: {} files\n", (made.put_in_place() / "record.md").string(),
                            folder.files().size() + 1);
 }

@@ -2,6 +2,7 @@
 
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/json_value.hpp"
 #include "stages/report/gltf.hpp"
 #include "stages/report/page.hpp"
 #include "stages/report/slices.hpp"
@@ -108,8 +109,7 @@ void make_report(StageRun& run) {
   }
   const std::string page = filled_page(web::report(), title, report, geometry, packed_slices);
   write_atomically(run.out("report.html"), page);
-  write_atomically(run.out("summary.json"),
-                   summary_of(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_atomically(run.out("summary.json"), document_of(summary_of(report)));
   run.machine_metric("page_size", static_cast<double>(page.size()) / 1e6, "MB");
   run.metric("gates_passed", report["verdict"]["gates_passed"]);
   run.metric("gates_failed", report["verdict"]["gates_failed"]);

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "pipeline/base/json_value.hpp"
+
 namespace viscera::engine {
 namespace {
 
@@ -82,7 +84,7 @@ std::string case_report(const Spec& spec, const Plan& plan, const Entries& entri
                                {"message", one.message},
                                {"stages", Json::array()}});
   }
-  return report.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return document_of(report);
 }
 
 }  // namespace viscera::engine

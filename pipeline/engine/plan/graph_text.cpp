@@ -4,6 +4,8 @@
 
 #include <map>
 
+#include "pipeline/base/json_value.hpp"
+
 namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
@@ -77,7 +79,7 @@ std::string json(const Spec& spec, const Plan& plan, const Survey& found, const 
   for (const auto& one : spec.refused) {
     graph["refused"].push_back({{"case", one.name}, {"message", one.message}});
   }
-  return graph.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return document_of(graph);
 }
 
 }  // namespace

@@ -75,7 +75,7 @@ std::string RunRecord::text() const {
     json["failures"][stage] = {{"exit", static_cast<int>(failure.exit)},
                                {"message", failure.message}};
   }
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return document_of(json);
 }
 
 void RunRecord::save() {
