@@ -17,7 +17,6 @@
 #include <stdexcept>
 
 #include "pipeline/base/atomic_file.hpp"
-#include "sim/element_choice.hpp"
 #include "sim/measures/reactions.hpp"
 #include "sim/solvers/fem/mesh.hpp"
 #include "sim/solvers/fem/stress_field.hpp"
@@ -190,8 +189,7 @@ void add_stress_rows(std::vector<Row>& rows) {
          solver, "fp64", [=]() -> Outcome {
            static const StressedBar bar;  // the same for every element
            const Model& model = bar.model;
-           Scene scene = own_weight();
-           set_element(scene.effects, element);
+           const Scene scene = own_weight(element);
            const int order = element == Element::quadratic ? 2 : 1;
            const State found = equilibrium_from(at_rest(model), model, scene, order);
            const StressField field = stress_field(model, scene, found, order);

@@ -28,8 +28,9 @@ double relative_error(const Model& model, const State& found, const State& refer
   return rms_difference(model, found, reference) / rms_difference(model, reference, at_rest(model));
 }
 
-Scene own_weight() {
+Scene own_weight(Element element) {
   Scene scene = elastic_scene();
+  set_element(scene.effects, element);
   scene.params<Viscosity>().emplace_back();
   scene.params<Gravity>().emplace_back();
   return scene;

@@ -1,6 +1,7 @@
 // The verification problems of the solvers, by subject. Every row is one problem under one solver.
 #pragma once
 
+#include "sim/element_choice.hpp"
 #include "tests/results/outcome.hpp"
 #include "tests/results/run.hpp"
 
@@ -14,7 +15,8 @@ Model judged_bar(std::array<int, 3> cells, double youngs_modulus = 5e4,
 double tip_mm(const Model& model, const State& state);
 // rms of the difference over rms of the reference.
 double relative_error(const Model& model, const State& found, const State& reference);
-Scene own_weight();  // elastic, viscous, under gravity
+// Elastic with these elements, viscous, under gravity.
+Scene own_weight(Element element = Element::linear);
 
 const char* name_of(Precision precision);
 // Single and double precision of a scheme, one thread.

@@ -9,9 +9,8 @@ namespace viscera::sim {
 namespace {
 
 const std::vector<KnownMiss> known_misses = {
-    // A constraint on the volume for each edge leaves a mesh too few ways to move:
-    // docs/results/body.md
-    // has what groups of tets would do.
+    // A constraint on the volume for each edge leaves a mesh too few ways to move; what groups of
+    // tets would do stands in docs/results/body.md.
     {"bar of 3,600 tets, ν 0.45, against quadratic tets", "any, smoothed elements", "fp64", 2.85},
     {"bar of 3,600 tets, ν 0.49, against quadratic tets", "any, smoothed elements", "fp64", 3.07},
     {"bar of 3,600 tets, ν 0.499, against quadratic tets", "any, smoothed elements", "fp64", 4.33},
