@@ -23,13 +23,17 @@ ElementChoice choose_element(const Scene& scene, const SolverOptions& options) {
   return {Element::smoothed, "the nearest to the body for its time"};
 }
 
-void set_element(Effects::Choice& effects, Element element) {
+void set_element(Effects::Choice& effects, Element element, double poisson_ratio) {
   auto& linear = std::get<std::vector<NeoHookean::Params>>(effects);
   auto& smoothed = std::get<std::vector<SmoothedNeoHookean::Params>>(effects);
+  auto& volume = std::get<std::vector<GroupedVolume::Params>>(effects);
   const std::size_t laws = linear.size() + smoothed.size();
-  linear.clear(), smoothed.clear();
+  linear.clear(), smoothed.clear(), volume.clear();
   if (element == Element::smoothed) {
     smoothed.resize(laws);
+    if (!GroupedVolume::is_needed(poisson_ratio)) return;
+    volume.resize(laws);
+    for (auto& law : smoothed) law.beside_groups = true;
   } else {
     linear.resize(laws);
   }

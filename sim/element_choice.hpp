@@ -25,7 +25,9 @@ std::string why_not_smoothed(const Scene& scene, const SolverOptions& options);
 ElementChoice choose_element(const Scene& scene, const SolverOptions& options);
 
 // Neo-Hookean tissue has these elements from now on, all of its tets. Quadratic ones are those of
-// the finite elements (FemOptions::order), which take the law of linear tets.
-void set_element(Effects::Choice& effects, Element element);
+// the finite elements (FemOptions::order), which take the law of linear tets. Beside smoothed ones
+// there are groups of tets for the volume where the tissue's largest Poisson's ratio needs them
+// (effects/laws/grouped_volume.hpp).
+void set_element(Effects::Choice& effects, Element element, double poisson_ratio);
 
 }  // namespace viscera::sim

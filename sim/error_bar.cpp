@@ -26,9 +26,9 @@ Element element_of(const Scene& scene, int order) {
 
 // The scene with its Neo-Hookean tissue on other elements, and on all of them: tets that the
 // stability policy has given another law are the tissue's again.
-Scene with(Element element, Scene scene) {
+Scene with(Element element, const Model& model, Scene scene) {
   std::erase_if(scene.params<Corotational>(), [](const auto& law) { return !law.only.empty(); });
-  set_element(scene.effects, element);
+  set_element(scene.effects, element, model.largest_poisson_ratio());
   return scene;
 }
 
@@ -39,7 +39,7 @@ State equilibrium(const Model& model, const Scene& scene, const State& from, Ele
   newton.fem.tolerance = enough;
   newton.fem.order = element == Element::quadratic ? 2 : 1;
   newton.pause_point = pause_point;
-  const auto solver = make_on_cpu(model, with(element, scene), newton);
+  const auto solver = make_on_cpu(model, with(element, model, scene), newton);
   solver->set_state(from);
   solver->advance_frame();
   State state = solver->state();

@@ -44,8 +44,14 @@ double modulus_now(const Material& material, const typename Effect::Params& para
   const double mu = constants.mu, lambda = constants.lambda;
   const double s2 = now.s2(), trace = now.s1 + s2 + now.s3;
   if constexpr (std::is_same_v<Effect, NeoHookean> || std::is_same_v<Effect, SmoothedNeoHookean>) {
-    const double own = constants.neo_hookean_lambda();
+    double own = constants.neo_hookean_lambda();
+    if constexpr (std::is_same_v<Effect, SmoothedNeoHookean>) {
+      own = Effect::lame_at(material, params).neo_hookean_lambda();
+    }
     return mu + now.largest_of_j(own * (now.j - 1.0) - mu) + own * now.s1_s2 * now.s1_s2;
+  } else if constexpr (std::is_same_v<Effect, GroupedVolume>) {
+    const double own = GroupedVolume::of_groups(constants);
+    return now.largest_of_j(own * (now.j - 1.0)) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, Volume>) {
     return now.largest_of_j(lambda * (now.j - 1.0)) + lambda * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, StVK>) {

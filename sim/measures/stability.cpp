@@ -182,6 +182,7 @@ std::size_t tets_taken(const Scene& scene) {
 void keep_forms(const Scene& from, Scene& to) {
   to.params<NeoHookean>() = from.params<NeoHookean>();
   to.params<SmoothedNeoHookean>() = from.params<SmoothedNeoHookean>();
+  to.params<GroupedVolume>() = from.params<GroupedVolume>();
   to.params<Corotational>() = from.params<Corotational>();
 }
 
@@ -193,7 +194,13 @@ Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& op
     switch_form<SmoothedNeoHookean>(model, scene);
   }
   for (auto& law : scene.params<SmoothedNeoHookean>()) {
-    law.made = std::make_shared<const EdgeDomains>(model, law.taken);
+    law.made = nullptr;
+    law.made = SmoothedNeoHookean::domains(model, law);
+  }
+  auto& volumes = scene.params<GroupedVolume>();
+  for (std::size_t k = 0; k < volumes.size(); ++k) {
+    volumes[k] = {{scene.params<SmoothedNeoHookean>()[k].taken}, nullptr};
+    volumes[k].made = GroupedVolume::groups(model, volumes[k]);
   }
   raise_substeps(scene, assess(model, scene, options));
   // Of the substeps that the run will have: how far off it rests, and how long forces must be held

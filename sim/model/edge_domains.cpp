@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <compare>
 
-#include "sim/model/corner_gradients.hpp"
-
 namespace viscera::sim {
 namespace {
 
@@ -86,43 +84,10 @@ EdgeDomains::EdgeDomains(const Model& model, const std::vector<char>& without) {
       const std::size_t parts = vertices <= max_vertices ? 1 : (count + most - 1) / most;
       for (std::size_t part = 0; part < parts; ++part) {
         const std::size_t from = count * part / parts, to = count * (part + 1) / parts;
-        append(model, std::span(fan.tets).subspan(from, to - from));
+        append(model, std::span(fan.tets).subspan(from, to - from), 1.0 / 6.0);
       }
     }
   }
-}
-
-void EdgeDomains::append(const Model& model, std::span<const int> around) {
-  std::vector<int> own;
-  std::vector<Vec3<double>> weighted;
-  double sum = 0.0;
-  for (const int t : around) {
-    const double share = model.volume[t] / 6.0;
-    const auto gradients = corner_gradients(model.rest_inverse[t]);
-    for (int i = 0; i < 4; ++i) {
-      const auto found = std::ranges::find(own, model.tets[t][i]);
-      if (found == own.end()) {
-        own.push_back(model.tets[t][i]);
-        weighted.push_back(share * gradients[i]);
-      } else {
-        weighted[found - own.begin()] += share * gradients[i];
-      }
-    }
-    sum += share;
-  }
-  VISCERA_ASSERT(own.size() >= 4 && own.size() <= max_vertices, own.size() << " vertices");
-  const std::size_t fill = max_vertices - own.size();
-  auto& vertices = emplace_back();
-  auto& b = gradient.emplace_back();
-  for (std::size_t i = 0; i < max_vertices; ++i) {
-    const bool fills = i >= 1 && i <= fill;
-    const std::size_t from = i == 0 ? 0 : std::max<std::size_t>(1, i - std::min(i, fill));
-    vertices[i] = own[from];
-    if (!fills) b[i] = (1.0 / sum) * weighted[from];
-  }
-  volume.push_back(sum);
-  tets.insert(tets.end(), around.begin(), around.end());
-  tets_begin.push_back(static_cast<int>(tets.size()));
 }
 
 }  // namespace viscera::sim

@@ -12,7 +12,9 @@ double locking_loss(double cell_over_thickness, double poisson_ratio, Element el
   const double lambda_over_mu = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio);
   const double squared = cell_over_thickness * cell_over_thickness;
   if (element == Element::smoothed) {
-    return 1.0 - 1.0 / (1.0 + 0.172 * squared * std::pow(lambda_over_mu, 0.69));
+    const bool has_groups = poisson_ratio > 0.45;  // GroupedVolume::is_needed()
+    return 1.0 -
+           1.0 / (1.0 + squared * (has_groups ? 0.23 : 0.172 * std::pow(lambda_over_mu, 0.69)));
   }
   const double x = squared * (2.0 + 0.6 * lambda_over_mu);
   return 1.0 - 1.0 / (1.0 + x / (1.0 + x / 7.0));
@@ -23,8 +25,8 @@ Locking assess_locking(const Model& model, Element element) {
   double volume = 0.0, surface = 0.0;
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     volume += model.volume[t];
-    locking.poisson_ratio = std::max(locking.poisson_ratio, model.material(t).poisson_ratio);
   }
+  locking.poisson_ratio = model.largest_poisson_ratio();
   for (const Triangle& face : boundary_faces(model)) surface += norm(area_vector(model, face));
   locking.cell = std::cbrt(6.0 * volume / static_cast<double>(model.tet_count()));
   locking.thickness = 4.0 * volume / surface;

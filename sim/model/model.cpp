@@ -133,6 +133,12 @@ void fill_tets(Model& model) {
 
 }  // namespace
 
+double Model::largest_poisson_ratio() const {
+  double largest = 0.0;
+  for (const Material& one : materials) largest = std::max(largest, one.poisson_ratio);
+  return largest;
+}
+
 double Model::size() const {
   Vec3<double> lo = rest.front(), hi = rest.front();
   for (const auto& p : rest) {

@@ -42,6 +42,7 @@ struct Model {
     }
     return own;
   }
+  double largest_poisson_ratio() const;
   // Diagonal of the bounding box, m: the length L that errors are divided by.
   double size() const;
 };

@@ -12,6 +12,7 @@
 #include "sim/effects/ground.hpp"
 #include "sim/effects/laws/corotational.hpp"
 #include "sim/effects/laws/fibre.hpp"
+#include "sim/effects/laws/grouped_volume.hpp"
 #include "sim/effects/laws/linear.hpp"
 #include "sim/effects/laws/neo_hookean.hpp"
 #include "sim/effects/laws/prony.hpp"
@@ -64,8 +65,8 @@ struct EffectList {
 };
 
 using Effects = EffectList<Gravity, Grip, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean,
-                           SmoothedNeoHookean, Linear, StVK, Corotational, Distance, Volume, Fibre,
-                           Prony, Spring, ShapeMatching, SelfContact, Ground, Collider<Plane>,
-                           Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
+                           SmoothedNeoHookean, GroupedVolume, Linear, StVK, Corotational, Distance,
+                           Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact, Ground,
+                           Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

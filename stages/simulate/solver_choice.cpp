@@ -173,8 +173,18 @@ void take_element(const StageRun& run, SceneFile& file) {
   const sim::ElementChoice choice = sim::choose_element(file.scene, options);
   file.element = named.value_or(choice.element);
   file.why_element = named ? "" : choice.why;
-  sim::set_element(file.scene.effects, *file.element);
-  for (auto& change : file.schedule) sim::set_element(change.effects, *file.element);
+  double poisson_ratio = 0.0;
+  const auto take = [&poisson_ratio](const std::map<std::string, sim::Material>& materials) {
+    for (const auto& [name, material] : materials) {
+      poisson_ratio = std::max(poisson_ratio, material.poisson_ratio);
+    }
+  };
+  take(file.materials);
+  for (const auto& change : file.schedule) take(change.materials);
+  sim::set_element(file.scene.effects, *file.element, poisson_ratio);
+  for (auto& change : file.schedule) {
+    sim::set_element(change.effects, *file.element, poisson_ratio);
+  }
 }
 
 std::string scheme_name(const sim::SolverOptions& options) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim/element_choice.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "tests/verification/truth.hpp"
@@ -58,13 +59,10 @@ inline Body bar(int fine, double nu) {
   return body;
 }
 
-inline sim::Scene scene_of(bool smoothed, int substeps) {
+inline sim::Scene scene_of(sim::Element element, double poisson_ratio, int substeps = 1) {
   sim::Scene scene;
-  if (smoothed) {
-    scene.params<sim::SmoothedNeoHookean>().emplace_back();
-  } else {
-    scene.params<sim::NeoHookean>().emplace_back();
-  }
+  scene.params<sim::NeoHookean>().emplace_back();
+  set_element(scene.effects, element, poisson_ratio);
   scene.params<sim::Gravity>().emplace_back().direction = {0.0, 1.0, 0.0};
   scene.time.substeps = substeps;
   return scene;

@@ -36,6 +36,10 @@ constexpr Place places[] = {{"xpbd cpu", false, sim::Scheme::gauss_seidel},
                             {"xpbd cuda", true, sim::Scheme::gauss_seidel},
                             {"xpbd cuda blocks", true, sim::Scheme::block_gauss_seidel}};
 
+sim::Element element_of(bool smoothed) {
+  return smoothed ? sim::Element::smoothed : sim::Element::linear;
+}
+
 std::vector<Vec3<double>> judged(const Body& body, const State& state) {
   std::vector<Vec3<double>> u;
   for (const std::size_t i : body.judged) u.push_back(state.u[i]);
@@ -67,7 +71,7 @@ struct Bench {
   void xpbd(const Body& body, double nu, bool smoothed, const State& newton,
             const std::vector<Vec3<double>>& truth) {
     for (const int substeps : {8, 16, 32, 64}) {
-      Scene scene = scene_of(smoothed, substeps);
+      Scene scene = scene_of(element_of(smoothed), nu, substeps);
       if (assess(body.model, scene).limit.value > sim::cs_limit) continue;
       apply_policy(body.model, scene);
       for (const Place& place : places) {
@@ -98,7 +102,7 @@ struct Bench {
 
   void body(const Body& body, double nu, const std::vector<Vec3<double>>& truth, bool with_xpbd) {
     for (const bool smoothed : {false, true}) {
-      const State newton = equilibrium(body.model, scene_of(smoothed, 1), 1);
+      const State newton = equilibrium(body.model, scene_of(element_of(smoothed), nu), 1);
       row(body, nu, smoothed ? "smoothed" : "linear", "newton", 0,
           percent_off(judged(body, newton), truth), 0.0, {});
       if (with_xpbd) xpbd(body, nu, smoothed, newton, truth);
@@ -109,12 +113,15 @@ struct Bench {
 void run(const std::string& what, double nu, Bench& bench) {
   if (what != "bar") {
     const Body body = liver(what.c_str(), nu);
-    bench.body(body, nu, judged(body, equilibrium(body.model, scene_of(false, 1), 2)), true);
+    bench.body(body, nu,
+               judged(body, equilibrium(body.model, scene_of(sim::Element::linear, nu), 2)), true);
     return;
   }
   const Body finest = bar(12, nu), finer = bar(6, nu);
-  const auto truth = judged(finest, equilibrium(finest.model, scene_of(false, 1), 2));
-  const auto before = judged(finer, equilibrium(finer.model, scene_of(false, 1), 2));
+  const auto truth =
+      judged(finest, equilibrium(finest.model, scene_of(sim::Element::linear, nu), 2));
+  const auto before =
+      judged(finer, equilibrium(finer.model, scene_of(sim::Element::linear, nu), 2));
   bench.row(finer, nu, "quadratic", "newton", 0, percent_off(before, truth), 0.0, {});
   for (const int fine : {3, 6}) bench.body(bar(fine, nu), nu, truth, false);
 }

@@ -35,7 +35,7 @@ Case panel(double nu) {
   }
   const std::vector<int> labels(box.tet_count(), 0);
   Model model = make_model(box.rest, box.tets, labels, {{0, box.materials[0]}}, {{0, "panel"}});
-  Case one{"tapered panel", nu, std::move(model), scene_of(false, 1), 1};
+  Case one{"tapered panel", nu, std::move(model), scene_of(sim::Element::linear, nu), 1};
   one.scene.params<sim::Gravity>().clear();
   auto& held = one.scene.params<sim::Fixed>().emplace_back();
   held.side = "right", held.within = face;
@@ -46,7 +46,7 @@ Case panel(double nu) {
 
 Case held_bar(int fine, double nu, int cuts) {
   Body body = bar(fine, nu);
-  return {body.name, nu, std::move(body.model), scene_of(false, 1), cuts};
+  return {body.name, nu, std::move(body.model), scene_of(sim::Element::linear, nu), cuts};
 }
 
 // Half of the bar is a hundred times as stiff.
@@ -62,14 +62,15 @@ Case two_tissues(double nu) {
       make_model(bar_model.rest, bar_model.tets, labels,
                  {{1, tissue(nu, 2e5)}, {2, tissue(nu, 2e7)}}, {{1, "soft"}, {2, "stiff"}});
   model.fixed = bar_model.fixed;
-  return {"bar of two tissues, E 1:100", nu, std::move(model), scene_of(false, 1), 2};
+  return {"bar of two tissues, E 1:100", nu, std::move(model), scene_of(sim::Element::linear, nu),
+          2};
 }
 
 // Bonded below and above, and pressed by a fifth of its height.
 Case bonded_cube(double nu) {
   Case one{"bonded cube, pressed by 20 %", nu,
            sim::make_five_tet_box({0.05, 0.05, 0.05}, {5, 5, 5}, tissue(nu, 5e3)),
-           scene_of(false, 1), 1};
+           scene_of(sim::Element::linear, nu), 1};
   auto& below = one.scene.params<sim::Fixed>().emplace_back();
   below.side = "inferior", below.within = face;
   auto& top = one.scene.params<sim::Prescribed>().emplace_back();
@@ -82,7 +83,7 @@ Case bonded_cube(double nu) {
 Case pressed_cube(double nu) {
   Case one{"cube pressed onto a plane", nu,
            sim::make_five_tet_box({0.05, 0.05, 0.05}, {5, 5, 5}, tissue(nu, 5e3)),
-           scene_of(false, 1), 1};
+           scene_of(sim::Element::linear, nu), 1};
   auto& top = one.scene.params<sim::Prescribed>().emplace_back();
   top.side = "superior", top.within = face, top.displacement = {0.0, 0.0, -0.01},
   top.duration = 0.0;
@@ -94,7 +95,8 @@ Case pressed_cube(double nu) {
 Case held_liver(const char* file, double nu) {
   Body body = liver(file, nu);
   const std::string path = file;
-  return {path.substr(path.rfind('/') + 1), nu, std::move(body.model), scene_of(false, 1), 1};
+  return {path.substr(path.rfind('/') + 1), nu, std::move(body.model),
+          scene_of(sim::Element::linear, nu), 1};
 }
 
 void judge(const Case& one, std::string& csv) {
@@ -104,10 +106,7 @@ void judge(const Case& one, std::string& csv) {
   const std::vector<Vec3<double>> none(one.model.vertex_count());
   for (const bool smoothed : {false, true}) {
     Scene scene = one.scene;
-    if (smoothed) {
-      scene.params<sim::NeoHookean>().clear();
-      scene.params<sim::SmoothedNeoHookean>().emplace_back();
-    }
+    if (smoothed) set_element(scene.effects, sim::Element::smoothed, one.nu);
     const State end = equilibrium(one.model, scene, 1);
     const sim::ErrorBar bar = error_bar(one.model, scene, end, 1, [] {});
     const char* element = smoothed ? "smoothed" : "linear";

@@ -76,7 +76,7 @@ int main(int argc, char** argv) {
   Model reference = liver_tissue(argv[3], nu);
   const double border = lowest(reference);
   hold_above(reference, border);
-  const Displacement truth = equilibrium(reference, scene_of(false, 1), 2).u;
+  const Displacement truth = equilibrium(reference, scene_of(sim::Element::linear, nu), 2).u;
   std::string csv = "mesh,tets,support,element,total_percent";
   for (const auto& name : reference.label_names) csv += "," + name + "_mm";
   csv += "\n";
@@ -87,8 +87,8 @@ int main(int argc, char** argv) {
     const Displacement wanted = at_vertices(model, reference, truth), none(wanted.size());
     for (const char* element : {"linear", "smoothed", "quadratic"}) {
       const std::string name = element;
-      const auto u =
-          equilibrium(model, scene_of(name == "smoothed", 1), name == "quadratic" ? 2 : 1).u;
+      const auto kind = name == "smoothed" ? sim::Element::smoothed : sim::Element::linear;
+      const auto u = equilibrium(model, scene_of(kind, nu), name == "quadratic" ? 2 : 1).u;
       const std::string path = argv[i];
       std::string line = fmt::format("{},{},{},{},{:.3f}", path.substr(path.rfind('/') + 1),
                                      model.tet_count(), has_region ? "region" : "vertices", element,

@@ -21,7 +21,7 @@ State by_substeps(const Model& model, Scene scene, const State& start, SolverOpt
     scene.params<Distance>().emplace_back();
     scene.params<Volume>().emplace_back();
   }
-  set_element(scene.effects, choose_element(scene, options).element);
+  set_element(scene.effects, choose_element(scene, options).element, model.largest_poisson_ratio());
   options.scheme = choose_scheme(model, scene, options, false).scheme;
   Run run(model, scene, options);
   run.start_from(start);

@@ -149,9 +149,9 @@ TEST(Options, PbdIsRefusedWhatHasAModulusAndTakesWhatStatesAShape) {
       }
     }
   });
-  EXPECT_EQ(refused,
-            (std::vector<std::string>{"neo_hookean", "smoothed_neo_hookean", "linear", "stvk",
-                                      "corotational", "fibre", "prony", "spring"}));
+  EXPECT_EQ(refused, (std::vector<std::string>{"neo_hookean", "smoothed_neo_hookean",
+                                               "grouped_volume", "linear", "stvk", "corotational",
+                                               "fibre", "prony", "spring"}));
   EXPECT_EQ(taken, (std::vector<std::string>{"viscosity", "pressure", "load", "distance", "volume",
                                              "shape_matching"}));
 }
@@ -250,10 +250,14 @@ TEST(ElementChoice, IsSmoothedWhereTheSceneHasWhatIsSmoothedAndTheMethodSolvesIt
 TEST(ElementChoice, IsMadeForEveryLawOfTheTissueAndTakenBack) {
   Scene scene = elastic_scene();
   scene.params<NeoHookean>().resize(2);
-  set_element(scene.effects, Element::smoothed);
+  set_element(scene.effects, Element::smoothed, 0.49);
   EXPECT_FALSE(scene.has<NeoHookean>());
   EXPECT_EQ(scene.params<SmoothedNeoHookean>().size(), 2u);
-  set_element(scene.effects, Element::quadratic);
+  EXPECT_EQ(scene.params<GroupedVolume>().size(), 2u);
+  set_element(scene.effects, Element::smoothed, 0.45);
+  EXPECT_EQ(scene.params<SmoothedNeoHookean>().size(), 2u);
+  EXPECT_FALSE(scene.has<GroupedVolume>()) << "what does not lock pays for no groups";
+  set_element(scene.effects, Element::quadratic, 0.45);
   EXPECT_EQ(scene.params<NeoHookean>().size(), 2u);
   EXPECT_FALSE(scene.has<SmoothedNeoHookean>());
 }

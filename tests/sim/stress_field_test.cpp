@@ -18,9 +18,9 @@ State displaced(const Model& model, Displacement&& displacement) {
   return state;
 }
 
-Scene scene_of(Element element) {
+Scene scene_of(Element element, const Material& tissue = soft_tissue) {
   Scene scene = elastic_scene();
-  set_element(scene.effects, element);
+  set_element(scene.effects, element, tissue.poisson_ratio);
   return scene;
 }
 
@@ -122,7 +122,7 @@ TEST(StressField, OfNearlyIncompressibleTissueHasTheMeanStressOfTheElements) {
   const auto x_of = [&](std::size_t v) { return model.rest[v].x + model.origin.x; };
   for (std::size_t i = 0; i < model.vertex_count(); ++i) model.fixed[i] = x_of(i) < 1e-9;
   const auto hanging = [&](Element element) {
-    Scene scene = scene_of(element);
+    Scene scene = scene_of(element, tissue);
     scene.params<Gravity>().emplace_back();
     SolverOptions options{.method = Method::fem, .threads = 1};
     options.fem.time = FemOptions::Time::quasi_static;

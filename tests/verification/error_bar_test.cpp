@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "sim/element_choice.hpp"
 #include "tests/verification/truth.hpp"
 
 namespace viscera::sim {
@@ -13,11 +14,8 @@ using Displacement = std::vector<Vec3<double>>;
 
 Scene held_scene(bool smoothed) {
   Scene scene;
-  if (smoothed) {
-    scene.params<SmoothedNeoHookean>().emplace_back();
-  } else {
-    scene.params<NeoHookean>().emplace_back();
-  }
+  scene.params<NeoHookean>().emplace_back();
+  if (smoothed) set_element(scene.effects, Element::smoothed, bar_material.poisson_ratio);
   scene.params<Gravity>().emplace_back().direction = {0.0, 1.0, 0.0};
   auto& end_face = scene.params<Fixed>().emplace_back();
   end_face.side = "right", end_face.within = 1e-9;

@@ -189,7 +189,7 @@ void add_stress_rows(std::vector<Row>& rows) {
          solver, "fp64", [=]() -> Outcome {
            static const StressedBar bar;  // the same for every element
            const Model& model = bar.model;
-           const Scene scene = own_weight(element);
+           const Scene scene = own_weight(model, element);
            const int order = element == Element::quadratic ? 2 : 1;
            const State found = equilibrium_from(at_rest(model), model, scene, order);
            const StressField field = stress_field(model, scene, found, order);

@@ -28,9 +28,14 @@ double relative_error(const Model& model, const State& found, const State& refer
   return rms_difference(model, found, reference) / rms_difference(model, reference, at_rest(model));
 }
 
-Scene own_weight(Element element) {
+Scene own_weight(const Model& model, Element element) {
+  Scene scene = own_weight();
+  set_element(scene.effects, element, model.largest_poisson_ratio());
+  return scene;
+}
+
+Scene own_weight() {
   Scene scene = elastic_scene();
-  set_element(scene.effects, element);
   scene.params<Viscosity>().emplace_back();
   scene.params<Gravity>().emplace_back();
   return scene;

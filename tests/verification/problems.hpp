@@ -16,7 +16,8 @@ double tip_mm(const Model& model, const State& state);
 // rms of the difference over rms of the reference.
 double relative_error(const Model& model, const State& found, const State& reference);
 // Elastic with these elements, viscous, under gravity.
-Scene own_weight(Element element = Element::linear);
+Scene own_weight();
+Scene own_weight(const Model& model, Element element);
 
 const char* name_of(Precision precision);
 // Single and double precision of a scheme, one thread.

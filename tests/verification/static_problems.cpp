@@ -59,7 +59,7 @@ void add_stiffness_rows(std::vector<Row>& rows, const char* solver, Element elem
           {"static", fmt::format("bar of 450 tets, E {:g} kPa, ν {}", 1e-3 * e, nu), solver, "fp64",
            [e, nu, element]() -> Outcome {
              const Model model = judged_bar({10, 3, 3}, e, nu);
-             const Scene scene = own_weight(element);
+             const Scene scene = own_weight(model, element);
              const State exact = equilibrium(model, scene);
              const auto found =
                  settle(model, scene, exact, xpbd(Scheme::gauss_seidel, Precision::fp64), 64);
@@ -152,7 +152,7 @@ QuadraticBar quadratic_bar(double poisson_ratio) {
 }
 
 Outcome off_quadratic_tets(const QuadraticBar& bar, Element element, std::optional<double> bound) {
-  const State found = equilibrium(bar.model, own_weight(element));
+  const State found = equilibrium(bar.model, own_weight(bar.model, element));
   const double error = relative_error(bar.model, found, bar.exact);
   const std::string note = fmt::format("tip {:.2f} mm, of quadratic tets {:.2f} mm",
                                        tip_mm(bar.model, found), tip_mm(bar.model, bar.exact));

@@ -5,12 +5,13 @@
 //
 // and nothing else differs: the vertices, their masses and the trajectory are those of the tets,
 // and a domain is solved as the same 2x2 block. Where linear tets are 13 to 23 % too stiff, domains
-// are a few. Incompressible tissue still locks, though less (docs/results/body.md).
+// are a few. Incompressible tissue still locks, though less, unless groups of tets have most of its
+// stiffness against a change of volume (grouped_volume.hpp; docs/results/body.md).
 #pragma once
 
 #include <memory>
 
-#include "sim/effects/laws/neo_hookean.hpp"
+#include "sim/effects/laws/grouped_volume.hpp"
 #include "sim/model/edge_domains.hpp"
 
 namespace viscera::sim {
@@ -29,6 +30,7 @@ struct SmoothedNeoHookean {
     // Not the scene's to give: what domains() has made for a body, which the stability policy keeps
     // here so that it is made once.
     std::shared_ptr<const EdgeDomains> made;
+    bool beside_groups = false;  // of lambda the edges have what GroupedVolume leaves them
   };
   static constexpr auto fields() { return std::tuple{}; }
   static bool acts_on(const Params& params, std::size_t tet) {
@@ -37,9 +39,9 @@ struct SmoothedNeoHookean {
 
   template <class T>
   struct Rest {
-    Vec3<T> gradient[arity - 1];  // b of all vertices but the first, 1/m; together they sum to zero
-    T deviatoric, hydrostatic;    // k_D, k_H, J
-    T mu_over_lambda;             // gamma - 1
+    AveragedGradient<T, arity> average;
+    T deviatoric, hydrostatic;  // k_D, k_H, J
+    T mu_over_lambda;           // gamma - 1
   };
 
   // For the tets that the law acts on.
@@ -51,28 +53,21 @@ struct SmoothedNeoHookean {
     return *domains(model, params);
   }
 
-  // The mean of its tets by volume: of one label they differ where E was measured.
-  static Lame lame_of(const Model& model, const EdgeDomains& domains, std::size_t e) {
-    Lame mean{};
-    for (const int t : domains.tets_of(e)) {
-      const double share = model.volume[t] / 6.0 / domains.volume[e];
-      const Lame own = lame(model.material(t));
-      mean.mu += share * own.mu, mean.lambda += share * own.lambda;
-    }
-    return mean;
+  static Lame lame_of(const Model& model, const EdgeDomains& domains, std::size_t e,
+                      const Params& params) {
+    const Lame mean = domains.mean_lame(model, e);
+    return params.beside_groups ? GroupedVolume::of_edges(mean) : mean;
   }
 
   template <class T>
-  static Rest<T> rest(const Model& model, const EdgeDomains& domains, std::size_t e, const Params&,
-                      double) {
-    const Lame constants = lame_of(model, domains, e);
+  static Rest<T> rest(const Model& model, const EdgeDomains& domains, std::size_t e,
+                      const Params& params, double) {
+    const Lame constants = lame_of(model, domains, e, params);
     const double lambda = constants.neo_hookean_lambda();
-    Rest<T> result;
-    for (int i = 1; i < arity; ++i) result.gradient[i - 1] = cast<T>(domains.gradient[e][i]);
-    result.deviatoric = static_cast<T>(constants.mu * domains.volume[e]);
-    result.hydrostatic = static_cast<T>(lambda * domains.volume[e]);
-    result.mu_over_lambda = static_cast<T>(constants.mu / lambda);
-    return result;
+    return {.average = AveragedGradient<T, arity>::of(domains.gradient[e]),
+            .deviatoric = static_cast<T>(constants.mu * domains.volume[e]),
+            .hydrostatic = static_cast<T>(lambda * domains.volume[e]),
+            .mu_over_lambda = static_cast<T>(constants.mu / lambda)};
   }
 
   template <class T>
@@ -84,32 +79,25 @@ struct SmoothedNeoHookean {
   template <class T>
   SIM_HD static Mat3<T> gradient(const Rest<T>& rest, const Vec3<T> (&u)[arity],
                                  const Vec3<T> (&d)[arity]) {
-    Mat3<T> h{};
-    for (int i = 1; i < arity; ++i) {
-      const Vec3<T> edge = (u[i] - u[0]) + (d[i] - d[0]);
-      const Vec3<T>& b = rest.gradient[i - 1];
-      h.col[0] += b.x * edge;
-      h.col[1] += b.y * edge;
-      h.col[2] += b.z * edge;
-    }
-    return h;
+    return rest.average.displacement(u, d);
   }
   template <class T>
   SIM_HD static void scatter(T s, const Mat3<T>& p, const Rest<T>& rest, Vec3<T> (&g)[arity]) {
-    g[0] = Vec3<T>{};
-    for (int i = 1; i < arity; ++i) {
-      g[i] = s * (p * rest.gradient[i - 1]);
-      g[0] -= g[i];
-    }
+    rest.average.scatter(s, p, g);
   }
 
+  static Lame lame_at(const Material& material, const Params& params) {
+    return params.beside_groups ? GroupedVolume::of_edges(lame(material)) : lame(material);
+  }
   static double explicit_modulus(const Material& material, const Params& params) {
-    return NeoHookean::explicit_modulus(material, params);
+    const Lame constants = lame_at(material, params);
+    return constants.lambda + 2.0 * constants.mu;
   }
   // Of a tet's own strain: what the body stores is energy_of_body().
   static double energy(const Model& model, std::size_t tet, const Params& params,
                        const Mat3<double>& h) {
-    return NeoHookean::energy(model, tet, params, h);
+    if (!acts_on(params, tet)) return 0.0;
+    return model.volume[tet] * NeoHookean::energy_density(lame_at(model.material(tet), params), h);
   }
   static double energy_of_body(const Model& model, const Params& params,
                                const std::vector<Vec3<double>>& u) {
@@ -120,7 +108,7 @@ struct SmoothedNeoHookean {
       Vec3<double> at[arity], d[arity];
       for (int i = 0; i < arity; ++i) at[i] = u[(*all)[e][i]];
       sum += all->volume[e] *
-             NeoHookean::energy_density(lame_of(model, *all, e), gradient(own, at, d));
+             NeoHookean::energy_density(lame_of(model, *all, e, params), gradient(own, at, d));
     }
     return sum;
   }

@@ -110,9 +110,10 @@ class FemSolver final : public Solver {
     begin_anew();
     take_stiffness(model);
     for (const auto& law : scene.params<SmoothedNeoHookean>()) {
-      domains_ = SmoothedNeoHookean::domains(model, law);
+      smoothed_ = law;
+      smoothed_.made = SmoothedNeoHookean::domains(model, law);
+      mesh_.take(*smoothed_.made);
     }
-    if (domains_) mesh_.take(*domains_);
     auto mass = std::make_unique<MassTerm>(mesh_.mass);
     mass_ = mass.get();
     terms_.push_back(std::move(mass));
@@ -315,8 +316,8 @@ class FemSolver final : public Solver {
     }
     if constexpr (std::is_same_v<Effect, SmoothedNeoHookean>) {
       terms_.push_back(std::make_unique<NeoHookeanTerm<Effect::arity>>(
-          model, mesh_, [all = domains_](const Model& now, std::size_t e) {
-            return SmoothedNeoHookean::lame_of(now, *all, e);
+          model, mesh_, [law = smoothed_](const Model& now, std::size_t e) {
+            return SmoothedNeoHookean::lame_of(now, *law.made, e, law);
           }));
     } else if constexpr (!std::is_same_v<Effect, NeoHookean>) {
       terms_.push_back(std::make_unique<EffectTerm<Effect>>(effect, program_.dt));
@@ -536,7 +537,7 @@ class FemSolver final : public Solver {
   const FemOptions options_;
   const bool is_smooth_;  // steps are of second order
   FemMesh mesh_;
-  std::shared_ptr<const EdgeDomains> domains_;  // of smoothed elements; null: there are none
+  SmoothedNeoHookean::Params smoothed_;  // of smoothed elements, with their domains
   Program<double> program_;
   FemSystem system_;
   std::vector<double> elastic_, stiffness_, penalty_;  // [nodes] N/m; the second with inertia

@@ -70,24 +70,64 @@ Samples of_linear_tets(const Model& model, const Scene& scene, const State& stat
   return samples;
 }
 
+// The mean gradient of displacement over a domain.
+template <class Domains>
+Mat3<double> gradient_over(const Domains& domains, std::size_t d, const State& state) {
+  Mat3<double> h{};
+  for (int i = 0; i < Domains::max_vertices; ++i) {
+    const Vec3<double>& u = state.u[domains[d][i]];
+    const Vec3<double>& b = domains.gradient[d][i];
+    h.col[0] += b.x * u, h.col[1] += b.y * u, h.col[2] += b.z * u;
+  }
+  return h;
+}
+
+// What a group of tets adds to the stress of each: with its energy, (lambda - lambda_s) (J - 1)^2/2
+// by volume, the same in all directions.
+struct GroupStress {
+  double volume_ratio;  // J, det F of the group
+  double mean_stress;   // (lambda - lambda_s) (J - 1), Pa
+};
+
+// [m] or empty where there are no groups.
+std::vector<GroupStress> group_stresses(const Model& model, const Scene& scene,
+                                        const State& state) {
+  std::vector<GroupStress> all;
+  for (const auto& params : scene.params<GroupedVolume>()) {
+    all.resize(model.tet_count());
+    const auto groups = GroupedVolume::groups(model, params);
+    for (std::size_t g = 0; g < groups->size(); ++g) {
+      const double change = NeoHookean::volume_strain(gradient_over(*groups, g, state));
+      const double modulus = GroupedVolume::of_groups(groups->mean_lame(model, g));
+      for (const int t : groups->tets_of(g)) all[t] = {1.0 + change, modulus * change};
+    }
+  }
+  return all;
+}
+
 // Those of the domains; tets that are in none have their own.
 Samples of_smoothed_elements(const Model& model, const Scene& scene, const State& state) {
   Samples samples{{}, std::vector<std::vector<Samples::Share>>(model.tet_count())};
+  const auto of_groups = group_stresses(model, scene, state);
+  Scene without_groups = scene;
+  without_groups.params<GroupedVolume>().clear();
+  // Tets of one label differ where E was measured.
+  const auto strained_tet = [&](int t, const Mat3<double>& h) {
+    Strained value = strained(model, without_groups, t, h);
+    if (of_groups.empty()) return value;
+    for (int k = 0; k < 3; ++k) value.cauchy[k] += of_groups[t].mean_stress;
+    value.volume_ratio = of_groups[t].volume_ratio;
+    return value;
+  };
   for (const auto& params : scene.params<SmoothedNeoHookean>()) {
     const auto domains = SmoothedNeoHookean::domains(model, params);
     for (std::size_t d = 0; d < domains->size(); ++d) {
-      Mat3<double> h{};
-      for (int i = 0; i < EdgeDomains::max_vertices; ++i) {
-        const Vec3<double>& u = state.u[(*domains)[d][i]];
-        const Vec3<double>& b = domains->gradient[d][i];
-        h.col[0] += b.x * u, h.col[1] += b.y * u, h.col[2] += b.z * u;
-      }
+      const Mat3<double> h = gradient_over(*domains, d, state);
       Sample sample{{}, domains->volume[d], {}};
       for (const int t : domains->tets_of(d)) {
         const double own = model.volume[t] / 6.0, share = own / sample.volume;
         sample.place += share * centroid(model, t);
-        // Tets of one label differ where E was measured.
-        add(share, strained(model, scene, t, h), sample.value);
+        add(share, strained_tet(t, h), sample.value);
         samples.of[t].push_back({static_cast<int>(samples.all.size()), own});
       }
       samples.all.push_back(sample);

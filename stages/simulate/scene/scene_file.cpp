@@ -164,7 +164,9 @@ class SceneReader {
                                          .found = "missing",
                                          .allowed = "the effects that are on, by name"});
     }
-    check_keys(node, "effects.", effect_names());
+    std::vector<std::string> names = effect_names();
+    std::erase(names, sim::GroupedVolume::name);  // which `element` decides on
+    check_keys(node, "effects.", names);
     sim::Effects::for_each([&]<class Effect, std::size_t i>() {
       const YAML::Node named = node[Effect::name];
       if (!named) return;

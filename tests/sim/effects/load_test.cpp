@@ -112,8 +112,9 @@ TEST(Diagnostics, TellTheEnergyThatTheConstraintsHold) {
       told.emplace_back(Effect::name);
     }
   });
-  EXPECT_EQ(told, (std::vector<std::string>{"neo_hookean", "smoothed_neo_hookean", "linear", "stvk",
-                                            "corotational", "distance", "volume", "fibre"}));
+  EXPECT_EQ(told, (std::vector<std::string>{"neo_hookean", "smoothed_neo_hookean", "grouped_volume",
+                                            "linear", "stvk", "corotational", "distance", "volume",
+                                            "fibre"}));
 }
 
 // A body of two labels, one of which an effect is for.

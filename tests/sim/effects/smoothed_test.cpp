@@ -1,11 +1,13 @@
-// Smoothed elements: what their domains are, that they carry every uniform strain and no other
-// strain without energy, and that they bend where linear tets do not.
+// Smoothed elements, alone and beside groups of tets for the volume: what their domains are, that
+// they carry every uniform strain and no other strain without energy, and that they bend where
+// linear tets do not.
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
 #include <map>
 #include <set>
 
+#include "sim/element_choice.hpp"
 #include "sim/measures/forces.hpp"
 #include "sim/measures/stability.hpp"
 #include "sim/model/edge_domains.hpp"
@@ -15,11 +17,18 @@
 namespace viscera::sim {
 namespace {
 
-Scene smoothed_scene() {
-  Scene scene;
-  scene.params<SmoothedNeoHookean>().emplace_back();
+Scene smoothed_scene(bool with_groups) {
+  Scene scene = elastic_scene();
+  set_element(scene.effects, Element::smoothed, with_groups ? 0.49 : 0.45);
   return scene;
 }
+
+class SmoothedElements : public testing::TestWithParam<bool> {
+ protected:
+  Scene scene_ = smoothed_scene(GetParam());
+};
+INSTANTIATE_TEST_SUITE_P(Each, SmoothedElements, testing::Bool(),
+                         [](const auto& now) { return now.param ? "BesideGroups" : "Alone"; });
 
 // A ring of tets around one edge of 0.1 m, with every label of `labels` in turn.
 Model make_ring(const std::vector<int>& labels) {
@@ -122,12 +131,12 @@ TEST(EdgeDomains, OfManyTetsAreSharedOutAmongNeighbours) {
 }
 
 // The patch test: under a strain that is the same everywhere no vertex within is pulled.
-TEST(SmoothedNeoHookean, CarriesEveryUniformStrain) {
+TEST_P(SmoothedElements, CarryEveryUniformStrain) {
   const Model model = make_cube(4, bar_material);
   const Mat3<double> a{{{0.1, 0.05, -0.03}, {0.04, -0.15, 0.02}, {-0.07, 0.08, 0.06}}};
   State state{{}, std::vector<Vec3<double>>(model.vertex_count()), 0};
   for (const auto& x : model.rest) state.u.push_back(a * x);
-  const auto forces = element_forces(model, smoothed_scene(), state);
+  const auto forces = element_forces(model, scene_, state);
   double largest = 0.0;
   for (const auto& force : forces) largest = std::max(largest, norm(force));
   int inner = 0;
@@ -141,12 +150,12 @@ TEST(SmoothedNeoHookean, CarriesEveryUniformStrain) {
   // And stores what the law says of that strain.
   const double volume = std::accumulate(model.volume.begin(), model.volume.end(), 0.0);
   const double expected = volume * NeoHookean::energy_density(bar_material, a);
-  EXPECT_NEAR(smoothed_energy(model, smoothed_scene(), state.u), expected, 1e-12 * expected);
+  EXPECT_NEAR(smoothed_energy(model, scene_, state.u), expected, 1e-12 * expected);
 }
 
-TEST(SmoothedNeoHookean, ItsForcesAreTheSlopesOfTheBodysEnergy) {
+TEST_P(SmoothedElements, HaveForcesThatAreTheSlopesOfTheBodysEnergy) {
   const Model model = make_five_tet_box({0.05, 0.05, 0.05}, {2, 2, 2}, bar_material);
-  const Scene scene = smoothed_scene();
+  const Scene& scene = scene_;
   std::mt19937 random(3);
   std::uniform_real_distribution<double> any(-1e-3, 1e-3);
   State state{{}, std::vector<Vec3<double>>(model.vertex_count()), 0};
@@ -168,7 +177,7 @@ TEST(SmoothedNeoHookean, ItsForcesAreTheSlopesOfTheBodysEnergy) {
 }
 
 // The eigenvalues of a free body's stiffness: six motions without strain, and no other.
-TEST(SmoothedNeoHookean, HasNoModeWithoutEnergyButRigidMotions) {
+TEST_P(SmoothedElements, HaveNoModeWithoutEnergyButRigidMotions) {
   const Model model = make_five_tet_box({0.05, 0.05, 0.05}, {2, 2, 2}, bar_material);
   const int size = 3 * static_cast<int>(model.vertex_count());
   Eigen::MatrixXd stiffness(size, size);
@@ -177,7 +186,7 @@ TEST(SmoothedNeoHookean, HasNoModeWithoutEnergyButRigidMotions) {
                 std::vector<Vec3<double>>(model.vertex_count()), 0};
     auto& own = state.u[k / 3];
     (k % 3 == 0 ? own.x : k % 3 == 1 ? own.y : own.z) = step;
-    return element_forces(model, smoothed_scene(), state);
+    return element_forces(model, scene_, state);
   };
   constexpr double step = 1e-7;
   for (int k = 0; k < size; ++k) {
@@ -200,7 +209,7 @@ struct SaggingBar {
   Model model = make_box({0.1, 0.03, 0.03}, {10, 3, 3}, bar_material);
   Scene scene;
 
-  explicit SaggingBar(bool smoothed) : scene(smoothed ? smoothed_scene() : elastic_scene()) {
+  explicit SaggingBar(bool smoothed) : scene(smoothed ? smoothed_scene(false) : elastic_scene()) {
     scene.params<Gravity>().emplace_back();
     scene.params<Viscosity>().emplace_back();
     for (std::size_t v = 0; v < model.vertex_count(); ++v) {

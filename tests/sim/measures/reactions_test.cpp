@@ -78,7 +78,7 @@ TEST(Reactions, ASupportCarriesTheWeightAndItsMoment) {
   const Model model = make_box({0.1, 0.03, 0.03}, {10, 3, 3}, soft_tissue);
   for (const Element element : {Element::linear, Element::smoothed, Element::quadratic}) {
     Scene scene = held_scene();
-    set_element(scene.effects, element);
+    set_element(scene.effects, element, model.largest_poisson_ratio());
     const bool is_quadratic = element == Element::quadratic;
     const State state = newton(model, scene, is_quadratic ? 2 : 1);
     const Reactions reactions(model, scene, 0.0,

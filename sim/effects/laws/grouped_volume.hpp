@@ -1,0 +1,109 @@
+// Volume of groups of tets (model/tet_groups.hpp), for tissue that hardly changes its volume:
+//
+//   sum over groups k C^2 / 2,   C = det(I + H) - 1,   k = (lambda - lambda_s) V,   dC/dF = cof F
+//
+// with H the mean gradient of displacement over the group. The rest of the tissue's energy, with
+// lambda_s = 3/2 mu, that of nu .3, is that of the edges (smoothed_neo_hookean.hpp): one constraint
+// for each edge on all of lambda leaves a mesh too few ways to move. After F-bar-Patch
+// (tet_groups.hpp).
+#pragma once
+
+#include <algorithm>
+#include <memory>
+
+#include "sim/effects/laws/neo_hookean.hpp"
+#include "sim/model/tet_groups.hpp"
+
+namespace viscera::sim {
+
+struct GroupedVolume {
+  static constexpr const char* name = "grouped_volume";
+  static constexpr const char* doc =
+      "the part of the volume's stiffness beyond nu .3, of groups of tets";
+  static constexpr EffectKind kind = EffectKind::element;
+  static constexpr int arity = TetGroups::max_vertices;
+  static constexpr int rows = 1;
+  static constexpr bool projectable = false;  // nothing without its modulus
+
+  struct Params : NeoHookean::Params {
+    // Not the scene's to give: what groups() has made for a body, as SmoothedNeoHookean has
+    // domains.
+    std::shared_ptr<const TetGroups> made;
+  };
+  static constexpr auto fields() { return std::tuple{}; }
+
+  // Whether tissue needs groups. Up to here edges alone are nearly as close to the truth, and a
+  // frame in blocks on a device takes 2.5 times as long with groups (docs/results/body.md).
+  static bool is_needed(double poisson_ratio) { return poisson_ratio > 0.45; }
+
+  // Of lambda, what groups have and what they leave to the edges. Groups that a body has keep a
+  // little where a part of it has a nu of .3 or less.
+  static double of_groups(const Lame& all) {
+    return std::max(all.lambda - 1.5 * all.mu, 1e-3 * all.mu);
+  }
+  static Lame of_edges(const Lame& all) { return {all.lambda - of_groups(all), all.mu}; }
+
+  static bool acts_on(const Params& params, std::size_t tet) {
+    return NeoHookean::acts_on(params, tet);
+  }
+
+  template <class T>
+  struct Rest {
+    AveragedGradient<T, arity> average;
+    T stiffness;  // k, J
+  };
+
+  static std::shared_ptr<const TetGroups> groups(const Model& model, const Params& params) {
+    if (params.made) return params.made;
+    std::vector<char> with(model.tet_count());
+    for (std::size_t t = 0; t < with.size(); ++t) with[t] = acts_on(params, t);
+    return std::make_shared<const TetGroups>(model, with);
+  }
+  static TetGroups elements(const Model& model, const Params& params) {
+    return *groups(model, params);
+  }
+
+  template <class T>
+  static Rest<T> rest(const Model& model, const TetGroups& groups, std::size_t e, const Params&,
+                      double) {
+    return {AveragedGradient<T, arity>::of(groups.gradient[e]),
+            static_cast<T>(of_groups(groups.mean_lame(model, e)) * groups.volume[e])};
+  }
+
+  template <class T>
+  SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> (&u)[arity],
+                              const Vec3<T> (&d)[arity], Evaluation<T, rows, arity>& out) {
+    const Mat3<T> h = rest.average.displacement(u, d);
+    out.value[0] = NeoHookean::volume_strain(h);
+    out.stiffness[0] = rest.stiffness;
+    rest.average.scatter(T(1), plus_identity(T(1), NeoHookean::cofactor_strain(h)),
+                         out.gradient[0]);
+    without_reference(out);
+  }
+
+  static double explicit_modulus(const Material& material, const Params&) {
+    return of_groups(lame(material));
+  }
+  // Of a tet's own strain: what the body stores is energy_of_body().
+  static double energy(const Model& model, std::size_t tet, const Params& params,
+                       const Mat3<double>& h) {
+    if (!acts_on(params, tet)) return 0.0;
+    const double strain = NeoHookean::volume_strain(h);
+    return 0.5 * of_groups(lame(model.material(tet))) * model.volume[tet] * strain * strain;
+  }
+  static double energy_of_body(const Model& model, const Params& params,
+                               const std::vector<Vec3<double>>& u) {
+    const auto all = groups(model, params);
+    double sum = 0.0;
+    for (std::size_t e = 0; e < all->size(); ++e) {
+      const auto own = rest<double>(model, *all, e, params, 0.0);
+      Vec3<double> at[arity], d[arity];
+      for (int i = 0; i < arity; ++i) at[i] = u[(*all)[e][i]];
+      const double strain = NeoHookean::volume_strain(own.average.displacement(at, d));
+      sum += 0.5 * own.stiffness * strain * strain;
+    }
+    return sum;
+  }
+};
+
+}  // namespace viscera::sim
