@@ -14,7 +14,7 @@ double locking_loss(double cell_over_thickness, double poisson_ratio, Element el
   if (element == Element::smoothed) {
     const bool has_groups = poisson_ratio > 0.45;  // GroupedVolume::is_needed()
     return 1.0 -
-           1.0 / (1.0 + squared * (has_groups ? 0.23 : 0.172 * std::pow(lambda_over_mu, 0.69)));
+           1.0 / (1.0 + squared * (has_groups ? 0.1 : 0.172 * std::pow(lambda_over_mu, 0.69)));
   }
   const double x = squared * (2.0 + 0.6 * lambda_over_mu);
   return 1.0 - 1.0 / (1.0 + x / (1.0 + x / 7.0));

@@ -7,7 +7,7 @@
 //
 //   u_2 / u = 1 + x / (1 + x / 7),   x = (h / t)^2 (2 + 0.6 lambda / mu),
 //   u_2 / u_s = 1 + 0.172 (h / t)^2 (lambda / mu)^0.69,   lambda / mu = 2 nu / (1 - 2 nu)
-//   u_2 / u_s = 1 + 0.23 (h / t)^2 above nu 0.45
+//   u_2 / u_s = 1 + 0.1 (h / t)^2 above nu 0.45
 //
 // which is fitted to this project's FEM of order 1 against order 2: bars of 100 x 30 x 30 mm,
 // clamped at one end under their own weight, in 3, 4 and 6 cells of six tets (Kuhn) across, at nu
