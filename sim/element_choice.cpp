@@ -31,7 +31,7 @@ void set_element(Effects::Choice& effects, Element element, double poisson_ratio
   linear.clear(), smoothed.clear(), volume.clear();
   if (element == Element::smoothed) {
     smoothed.resize(laws);
-    if (!GroupedVolume::is_needed(poisson_ratio)) return;
+    if (!(poisson_ratio > groups_above_nu)) return;
     volume.resize(laws);
     for (auto& law : smoothed) law.beside_groups = true;
   } else {

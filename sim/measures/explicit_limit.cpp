@@ -44,10 +44,7 @@ double modulus_now(const Material& material, const typename Effect::Params& para
   const double mu = constants.mu, lambda = constants.lambda;
   const double s2 = now.s2(), trace = now.s1 + s2 + now.s3;
   if constexpr (std::is_same_v<Effect, NeoHookean> || std::is_same_v<Effect, SmoothedNeoHookean>) {
-    double own = constants.neo_hookean_lambda();
-    if constexpr (std::is_same_v<Effect, SmoothedNeoHookean>) {
-      own = Effect::lame_at(material, params).neo_hookean_lambda();
-    }
+    const double own = Effect::lame_at(material, params).neo_hookean_lambda();
     return mu + now.largest_of_j(own * (now.j - 1.0) - mu) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, GroupedVolume>) {
     const double own = GroupedVolume::of_groups(constants);

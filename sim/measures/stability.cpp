@@ -194,8 +194,7 @@ Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& op
     switch_form<SmoothedNeoHookean>(model, scene);
   }
   for (auto& law : scene.params<SmoothedNeoHookean>()) {
-    law.made = nullptr;
-    law.made = SmoothedNeoHookean::domains(model, law);
+    law.made = std::make_shared<const EdgeDomains>(model, law.taken);
   }
   auto& volumes = scene.params<GroupedVolume>();
   for (std::size_t k = 0; k < volumes.size(); ++k) {

@@ -39,6 +39,17 @@ struct AveragedDomains : std::vector<std::array<int, most>> {
     }
     return {mean.lambda / sum, mean.mu / sum};
   }
+  // H, the mean gradient of displacement over a domain.
+  Mat3<double> displacement_gradient(std::size_t domain, const std::vector<Vec3<double>>& u) const {
+    const auto& vertices = (*this)[domain];
+    Mat3<double> h{};
+    for (int i = 1; i < most; ++i) {  // their gradients sum to zero
+      const Vec3<double> edge = u[vertices[i]] - u[vertices[0]];
+      const Vec3<double>& b = gradient[domain][i];
+      h.col[0] += b.x * edge, h.col[1] += b.y * edge, h.col[2] += b.z * edge;
+    }
+    return h;
+  }
 
  protected:
   // A domain of these tets, each with this share of its volume.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "sim/model/surface.hpp"
+#include "sim/model/tet_groups.hpp"
 
 namespace viscera::sim {
 
@@ -12,7 +13,7 @@ double locking_loss(double cell_over_thickness, double poisson_ratio, Element el
   const double lambda_over_mu = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio);
   const double squared = cell_over_thickness * cell_over_thickness;
   if (element == Element::smoothed) {
-    const bool has_groups = poisson_ratio > 0.45;  // GroupedVolume::is_needed()
+    const bool has_groups = poisson_ratio > groups_above_nu;
     return 1.0 -
            1.0 / (1.0 + squared * (has_groups ? 0.1 : 0.172 * std::pow(lambda_over_mu, 0.69)));
   }

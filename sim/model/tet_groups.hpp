@@ -9,6 +9,11 @@
 
 namespace viscera::sim {
 
+// Smoothed elements have groups above this Poisson's ratio. Up to here edges alone are nearly as
+// close to the truth, and a frame in blocks on a device takes 2.5 times as long with groups
+// (docs/results/body.md).
+inline constexpr double groups_above_nu = 0.45;
+
 // Eight tets have ten vertices on the average. With groups of four or six a liver is 8 and 5 % off
 // quadratic tets at nu .49, with eight 3, with twelve up to 4.6 at .499 (docs/results/body.md).
 struct TetGroups : AveragedDomains<13> {

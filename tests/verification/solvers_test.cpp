@@ -9,8 +9,7 @@ namespace viscera::sim {
 namespace {
 
 const std::vector<KnownMiss> known_misses = {
-    // Up to this Poisson's ratio there are no groups of tets, with which the error is .0095: why
-    // not
+    // Up to this Poisson's ratio there are no groups of tets, with which the error is .0095; why
     // stands in docs/results/body.md.
     {"bar of 3,600 tets, ν 0.45, against quadratic tets", "any, smoothed elements", "fp64", 2.85},
     // A vertex rebounds from where the substep of its impact began, on the average half a substep

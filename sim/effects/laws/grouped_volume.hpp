@@ -32,10 +32,6 @@ struct GroupedVolume {
   };
   static constexpr auto fields() { return std::tuple{}; }
 
-  // Whether tissue needs groups. Up to here edges alone are nearly as close to the truth, and a
-  // frame in blocks on a device takes 2.5 times as long with groups (docs/results/body.md).
-  static bool is_needed(double poisson_ratio) { return poisson_ratio > 0.45; }
-
   // Of lambda, what groups have and what they leave to the edges. Groups that a body has keep a
   // little where a part of it has a nu of .3 or less.
   static double of_groups(const Lame& all) {
@@ -96,11 +92,8 @@ struct GroupedVolume {
     const auto all = groups(model, params);
     double sum = 0.0;
     for (std::size_t e = 0; e < all->size(); ++e) {
-      const auto own = rest<double>(model, *all, e, params, 0.0);
-      Vec3<double> at[arity], d[arity];
-      for (int i = 0; i < arity; ++i) at[i] = u[(*all)[e][i]];
-      const double strain = NeoHookean::volume_strain(own.average.displacement(at, d));
-      sum += 0.5 * own.stiffness * strain * strain;
+      const double strain = NeoHookean::volume_strain(all->displacement_gradient(e, u));
+      sum += 0.5 * of_groups(all->mean_lame(model, e)) * all->volume[e] * strain * strain;
     }
     return sum;
   }

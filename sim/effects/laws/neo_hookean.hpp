@@ -89,6 +89,7 @@ struct NeoHookean {
     scatter(s, p, rest.rest_inverse, g);
   }
 
+  static Lame lame_at(const Material& material, const Params&) { return lame(material); }
   static double explicit_modulus(const Material& material, const Params&) {
     const Lame constants = lame(material);
     return constants.lambda + 2.0 * constants.mu;

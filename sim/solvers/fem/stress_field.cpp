@@ -70,18 +70,6 @@ Samples of_linear_tets(const Model& model, const Scene& scene, const State& stat
   return samples;
 }
 
-// The mean gradient of displacement over a domain.
-template <class Domains>
-Mat3<double> gradient_over(const Domains& domains, std::size_t d, const State& state) {
-  Mat3<double> h{};
-  for (int i = 0; i < Domains::max_vertices; ++i) {
-    const Vec3<double>& u = state.u[domains[d][i]];
-    const Vec3<double>& b = domains.gradient[d][i];
-    h.col[0] += b.x * u, h.col[1] += b.y * u, h.col[2] += b.z * u;
-  }
-  return h;
-}
-
 // What a group of tets adds to the stress of each: with its energy, (lambda - lambda_s) (J - 1)^2/2
 // by volume, the same in all directions.
 struct GroupStress {
@@ -97,7 +85,7 @@ std::vector<GroupStress> group_stresses(const Model& model, const Scene& scene,
     all.resize(model.tet_count());
     const auto groups = GroupedVolume::groups(model, params);
     for (std::size_t g = 0; g < groups->size(); ++g) {
-      const double change = NeoHookean::volume_strain(gradient_over(*groups, g, state));
+      const double change = NeoHookean::volume_strain(groups->displacement_gradient(g, state.u));
       const double modulus = GroupedVolume::of_groups(groups->mean_lame(model, g));
       for (const int t : groups->tets_of(g)) all[t] = {1.0 + change, modulus * change};
     }
@@ -122,7 +110,7 @@ Samples of_smoothed_elements(const Model& model, const Scene& scene, const State
   for (const auto& params : scene.params<SmoothedNeoHookean>()) {
     const auto domains = SmoothedNeoHookean::domains(model, params);
     for (std::size_t d = 0; d < domains->size(); ++d) {
-      const Mat3<double> h = gradient_over(*domains, d, state);
+      const Mat3<double> h = domains->displacement_gradient(d, state.u);
       Sample sample{{}, domains->volume[d], {}};
       for (const int t : domains->tets_of(d)) {
         const double own = model.volume[t] / 6.0, share = own / sample.volume;
