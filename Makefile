@@ -204,7 +204,8 @@ bench-pipeline: build ## the engine's own cost, and BENCH_KILLS kills, full disk
 # sanitizer's allocator, when one of them held it at that moment. The fuzzers are of the same build.
 sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
 	@cmake --preset sanitized >/dev/null && ninja -C build/sanitized -j $(JOBS) test_contract test_engine \
-	  test_sim test_blocks test_properties test_tet_io test_surface_io test_trajectory_io test_improve test_live_session
+	  test_sim test_blocks test_properties test_tet_io test_surface_io test_trajectory_io test_improve test_live_session \
+	  test_labels test_surface test_tet_exchange test_report
 	@VTK_SMP_BACKEND_IN_USE=Sequential ASAN_OPTIONS=detect_container_overflow=0 \
 	  LSAN_OPTIONS=suppressions=$(CURDIR)/.ci/fuzz_leaks:print_suppressions=0 \
 	  ctest --test-dir build/sanitized -L 'unit|property' -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|^StiffBar.*Newton|^SweepError|AllAgreeOnABar' \

@@ -96,6 +96,27 @@ Json from_yaml(const YAML::Node& node) {
   }
 }
 
+// Of a map: a value that its stage would refuse is refused where its line is known.
+void check_entry(const Param& map, const Json& value, const std::string& where,
+                 const std::string& field) {
+  if (map.entry.empty()) return;
+  if (map.entry.front().name.empty()) {
+    resolve_required(map.entry.front(), value, where, field);
+    return;
+  }
+  if (value.is_object()) {
+    resolve(map.entry, value, where, field + ".");
+    return;
+  }
+  std::vector<std::string> names;
+  for (const auto& param : map.entry) names.push_back(param.name);
+  throw Error(ExitCode::bad_config,
+              {.where = where,
+               .field = field,
+               .found = value.dump(),
+               .allowed = fmt::format("a map, {{name: value}}, of {}", fmt::join(names, ", "))});
+}
+
 }  // namespace
 
 bool is_thread_count(const Param& param) {
@@ -119,6 +140,7 @@ Json to_json(const Param& param) {
   if (param.lo) json["min"] = *param.lo;
   if (param.hi) json["max"] = *param.hi;
   if (!param.choices.empty()) json["choices"] = param.choices;
+  for (const auto& one : param.entry) json["entry"].push_back(to_json(one));
   json["doc"] = param.doc;
   json["in_key"] = param.in_key;
   return json;
@@ -137,6 +159,9 @@ Param param_from_json(const JsonValue& json) {
   if (const auto least = json.find("min")) param.lo = least->number();
   if (const auto most = json.find("max")) param.hi = most->number();
   if (const auto choices = json.find("choices")) param.choices = choices->texts();
+  if (const auto entry = json.find("entry")) {
+    for (const auto& one : entry->items()) param.entry.push_back(param_from_json(one));
+  }
   if (const auto doc = json.find("doc")) param.doc = doc->text();
   if (const auto in_key = json.find("in_key")) param.in_key = in_key->flag();
   return param;
@@ -209,8 +234,11 @@ Json resolve_value(const Param& param, const Json& given, const std::string& whe
       if (given.is_array()) return given;
       break;
     case ParamType::map:
-      if (given.is_object()) return given;
-      break;
+      if (!given.is_object()) break;
+      for (const auto& [name, value] : given.items()) {
+        check_entry(param, value, where, field + "." + name);
+      }
+      return given;
   }
   throw fail();
 }

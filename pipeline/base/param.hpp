@@ -21,6 +21,9 @@ struct Param {
   std::string unit = "1";              // of a real; its resolved value is a number in this unit
   std::optional<double> lo{}, hi{};    // closed range of a number
   std::vector<std::string> choices{};  // of a text; empty: any
+  // Of a map, what each of its values is: a map of these, or a value of the one that has no name.
+  // Empty: the stage alone knows.
+  std::vector<Param> entry{};
   std::string doc;
   bool in_key = true;  // false: cannot change the results (threads, log flags)
 };

@@ -143,7 +143,7 @@ Statements use_error(const FinishedRun& run) {
   return statements;
 }
 
-std::string joined(const Json& texts) {
+std::string listed(const Json& texts) {
   std::string all;
   for (const auto& text : texts) all += (all.empty() ? "" : ", ") + text_of(text);
   return all;
@@ -153,8 +153,8 @@ Statements model_form(const FinishedRun& run) {
   const FinishedStage* const simulate = run.stage("simulate");
   if (!simulate) return {};
   Statements statements = {
-      fmt::format("The model has: {}.", joined(metric_value(simulate, "effects_on"))),
-      fmt::format("It leaves out: {}.", joined(metric_value(simulate, "effects_off")))};
+      fmt::format("The model has: {}.", listed(metric_value(simulate, "effects_on"))),
+      fmt::format("It leaves out: {}.", listed(metric_value(simulate, "effects_off")))};
   add_metrics(
       statements, simulate,
       {{"locking_estimate", "Share of the deflection that the elements may lose by locking"},

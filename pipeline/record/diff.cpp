@@ -107,7 +107,7 @@ Json compared(const Facts& a, const Facts& b) {
   return {{"equal", equal}, {"differing", std::move(differing)}};
 }
 
-std::string shown(const Json& value) {
+std::string text_or_dash(const Json& value) {
   return value.is_null() ? "–" : text_of(value);
 }
 
@@ -126,15 +126,16 @@ Json diff_of(const FinishedRun& a, const FinishedRun& b) {
 }
 
 std::string diff_text(const Json& diff) {
-  std::string text = fmt::format("A  {}\nB  {}\n", shown(diff["a"]), shown(diff["b"]));
+  std::string text =
+      fmt::format("A  {}\nB  {}\n", text_or_dash(diff["a"]), text_or_dash(diff["b"]));
   for (const auto& [part, compared_part] : diff["parts"].items()) {
     const Json& differing = compared_part["differing"];
     text += fmt::format("{}: {} differ, {} equal\n", part, differing.size(),
                         compared_part["equal"].dump());
     for (const auto& one : differing) {
       const std::string unit = one["unit"].get<std::string>();
-      text += fmt::format("  {}: {} -> {}{}", shown(one["name"]), shown(one["a"]), shown(one["b"]),
-                          unit.empty() || unit == "1" ? "" : " " + unit);
+      text += fmt::format("  {}: {} -> {}{}", text_or_dash(one["name"]), text_or_dash(one["a"]),
+                          text_or_dash(one["b"]), unit.empty() || unit == "1" ? "" : " " + unit);
       if (one["change"].is_number())
         text += fmt::format(" ({:+.3g} %)", 100.0 * one["change"].get<double>());
       text += "\n";

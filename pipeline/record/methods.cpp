@@ -58,7 +58,7 @@ const Method obstacle_of(const char* name, const char* sentence) {
            "surface fits between them."}};
 }
 
-const std::vector<Method> methods = {
+const std::vector<Method> known_methods = {
     {"stage",
      "labels",
      {"The segmentation was reduced to its materials; components and holes smaller than "
@@ -306,8 +306,8 @@ const std::vector<Method> methods = {
 
 const Method* find_method(const std::string& kind, const std::string& name) {
   const auto found = std::ranges::find_if(
-      methods, [&](const Method& one) { return one.kind == kind && one.name == name; });
-  return found == methods.end() ? nullptr : &*found;
+      known_methods, [&](const Method& one) { return one.kind == kind && one.name == name; });
+  return found == known_methods.end() ? nullptr : &*found;
 }
 
 std::string value_text(const Json& value) {

@@ -26,7 +26,7 @@ std::string plain(const std::string& text) {
   return out;
 }
 
-std::string joined(const Json& texts) {
+std::string joined_plainly(const Json& texts) {
   std::string all;
   for (const auto& text : texts) all += (all.empty() ? "" : ", ") + plain(text.get<std::string>());
   return all;
@@ -36,7 +36,8 @@ std::string shown(const Json& value) {
   if (value.is_null()) return "–";
   if (value.is_string()) return plain(value.get<std::string>());
   if (value.is_number_float()) return fmt::format("{:.6g}", value.get<double>());
-  if (value.is_array() && std::ranges::all_of(value, &Json::is_string)) return joined(value);
+  if (value.is_array() && std::ranges::all_of(value, &Json::is_string))
+    return joined_plainly(value);
   return plain(value.dump());
 }
 

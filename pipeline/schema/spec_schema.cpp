@@ -30,6 +30,31 @@ Json real_schema(const Param& param) {
   return param.unit == "1" ? any_of({number_schema(param, "number"), text}) : text;
 }
 
+Json type_schema(const Param& param);
+
+Json value_schema(const Param& param) {
+  std::vector<Json> choices = {type_schema(param), reference("variable")};
+  if (param.fallback.is_null() && !param.name.empty()) choices.push_back({{"type", "null"}});
+  Json schema = any_of(std::move(choices));
+  schema["description"] =
+      param.unit == "1" ? param.doc : fmt::format("{} [{}]", param.doc, param.unit);
+  return schema;
+}
+
+// With what is known of the values.
+Json map_schema(const std::vector<Param>& entry) {
+  if (entry.empty()) return {{"type", "object"}};
+  if (entry.front().name.empty())
+    return {{"type", "object"}, {"additionalProperties", value_schema(entry.front())}};
+  Json properties = Json::object();
+  for (const auto& param : entry) properties[param.name] = value_schema(param);
+  return {{"type", "object"},
+          {"additionalProperties",
+           {{"type", "object"},
+            {"properties", std::move(properties)},
+            {"additionalProperties", false}}}};
+}
+
 Json type_schema(const Param& param) {
   switch (param.type) {
     case ParamType::boolean:
@@ -41,7 +66,7 @@ Json type_schema(const Param& param) {
     case ParamType::list:
       return {{"type", "array"}};
     case ParamType::map:
-      return {{"type", "object"}};
+      return map_schema(param.entry);
     case ParamType::text:
       break;
   }
@@ -50,11 +75,7 @@ Json type_schema(const Param& param) {
 }
 
 Json param_schema(const Param& param) {
-  std::vector<Json> choices = {type_schema(param), reference("variable")};
-  if (param.fallback.is_null()) choices.push_back({{"type", "null"}});
-  Json schema = any_of(std::move(choices));
-  schema["description"] =
-      param.unit == "1" ? param.doc : fmt::format("{} [{}]", param.doc, param.unit);
+  Json schema = value_schema(param);
   schema["default"] = param.fallback;
   return schema;
 }

@@ -7,7 +7,7 @@
 namespace viscera::sim {
 namespace {
 
-constexpr double min_strain = 1e-6;  // by which a body without loads is judged
+constexpr double unloaded_strain = 1e-6;  // by which a body without loads is judged
 
 template <class Effect>
 constexpr bool is_rate = Effect::kind == EffectKind::element&& needs_rate<Effect>;
@@ -61,8 +61,8 @@ Imbalance Balance::imbalance(const State& first, const State& second, const Stat
                              double elastic) const {
   const std::size_t n = model_.vertex_count();
   const double apart = static_cast<double>(now.step - second.step) * dt_;
-  Imbalance found{.loads =
-                      std::sqrt(2.0 * softness_ * std::max(elastic, 0.0)) + min_strain * section_};
+  Imbalance found{.loads = std::sqrt(2.0 * softness_ * std::max(elastic, 0.0)) +
+                           unloaded_strain * section_};
   VertexField lacks(n), rates(n), velocity(n), moved(n);
   for (std::size_t i = 0; i < n; ++i) {
     velocity[i] = (1.0 / apart) * (now.u[i] - second.u[i]);

@@ -9,7 +9,7 @@
 namespace viscera::sim {
 namespace {
 
-constexpr double min_strain = 1e-3;  // of the whole body: what is less is not judged
+constexpr double min_watched_strain = 1e-3;  // of the whole body: what is less is not judged
 
 // Constraints whose potential the diagnostics do not count: beds and branches.
 template <class Effect>
@@ -56,7 +56,7 @@ EnergyWatch::EnergyWatch(const Model& model, const Scene& scene, Method method)
     stiffness += model.volume[t] * material.youngs_modulus;
     fastest = std::max(fastest, (constants.lambda + 2.0 * constants.mu) / material.density);
   }
-  min_energy_ = 0.5 * stiffness * min_strain * min_strain;
+  min_energy_ = 0.5 * stiffness * min_watched_strain * min_watched_strain;
   wave_speed_ = std::sqrt(fastest);
 }
 

@@ -24,7 +24,6 @@ namespace viscera {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr int max_id = 65535;
 constexpr const char* label_prefix = "label_";
 
 // The sentence that matters in ITK's exceptions, which open with a file, a line and an address.
@@ -61,9 +60,10 @@ std::vector<std::uint16_t> to_ids(const fs::path& path, std::size_t count, Value
   std::vector<std::uint16_t> ids(count);
   for (std::size_t v = 0; v < count; ++v) {
     const float value = value_at(v);
-    if (!(value >= 0.0f && value <= static_cast<float>(max_id)) || value != std::floor(value)) {
+    if (!(value >= 0.0f && value <= static_cast<float>(max_label_id)) ||
+        value != std::floor(value)) {
       throw bad_image(path, "voxel values", fmt::format("{} at voxel {}", value, v),
-                      fmt::format("whole numbers from 0 to {}", max_id),
+                      fmt::format("whole numbers from 0 to {}", max_label_id),
                       "give a segmentation (labels), not the CT or a probability map");
     }
     ids[v] = static_cast<std::uint16_t>(value);

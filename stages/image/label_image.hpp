@@ -52,6 +52,8 @@ struct Frame {
   }
 };
 
+inline constexpr int max_label_id = 65535;  // what a voxel holds
+
 struct LabelImage {
   Frame frame;
   std::vector<std::uint16_t> voxels;

@@ -10,17 +10,17 @@
 namespace viscera {
 namespace {
 
-struct PixelType {
+struct MetaType {
   const char* stored;
   const char* name;
   int bytes;
 };
 
-constexpr PixelType pixel_types[] = {{"MET_CHAR", "int8", 1},       {"MET_UCHAR", "uint8", 1},
-                                     {"MET_SHORT", "int16", 2},     {"MET_USHORT", "uint16", 2},
-                                     {"MET_INT", "int32", 4},       {"MET_UINT", "uint32", 4},
-                                     {"MET_LONG_LONG", "int64", 8}, {"MET_ULONG_LONG", "uint64", 8},
-                                     {"MET_FLOAT", "float32", 4},   {"MET_DOUBLE", "float64", 8}};
+constexpr MetaType meta_types[] = {{"MET_CHAR", "int8", 1},       {"MET_UCHAR", "uint8", 1},
+                                   {"MET_SHORT", "int16", 2},     {"MET_USHORT", "uint16", 2},
+                                   {"MET_INT", "int32", 4},       {"MET_UINT", "uint32", 4},
+                                   {"MET_LONG_LONG", "int64", 8}, {"MET_ULONG_LONG", "uint64", 8},
+                                   {"MET_FLOAT", "float32", 4},   {"MET_DOUBLE", "float64", 8}};
 
 constexpr std::size_t longest_name = 254;  // MetaIO aborts the program at a longer one
 // As at a longer value of these fields, which it copies.
@@ -59,7 +59,7 @@ void check_line(const HeaderChecks& checks, const std::string& line, const std::
   }
 }
 
-TextHeader read_lines(const HeaderChecks& checks) {
+TextHeader read_meta_lines(const HeaderChecks& checks) {
   HeaderLines lines(checks, 500);  // as many as MetaIO reads at once
   TextHeader header;
   while (!header.has("ElementDataFile")) {
@@ -126,7 +126,7 @@ std::int64_t one_integer(const HeaderChecks& checks, const TextHeader& header, c
   return values[0];
 }
 
-StoredData stored_data(const HeaderChecks& checks, const TextHeader& header) {
+StoredData meta_data(const HeaderChecks& checks, const TextHeader& header) {
   StoredData data{.file = checks.path(), .field = "DimSize", .offset = header.end};
   const std::string& name = header.field(checks, "ElementDataFile");
   const bool local = name == "LOCAL" || name == "Local" || name == "local";
@@ -153,7 +153,7 @@ StoredData stored_data(const HeaderChecks& checks, const TextHeader& header) {
 }  // namespace
 
 ImageHeader read_meta_header(const HeaderChecks& checks) {
-  const TextHeader header = read_lines(checks);
+  const TextHeader header = read_meta_lines(checks);
   ImageHeader result{.path = checks.path(), .format = ImageFormat::meta};
   const auto axes = one_integer(checks, header, "NDims", 1, 8);
   const auto sizes = checks.integers("DimSize", header.field(checks, "DimSize"));
@@ -161,15 +161,15 @@ ImageHeader read_meta_header(const HeaderChecks& checks) {
     checks.refuse("DimSize", fmt::format("{} numbers", sizes.size()), fmt::format("{}", axes));
   result.size = checks.size("DimSize", sizes, 1);
   const std::string& stored = header.field(checks, "ElementType");
-  const auto type = std::find_if(std::begin(pixel_types), std::end(pixel_types),
-                                 [&stored](const PixelType& t) { return stored == t.stored; });
-  if (type == std::end(pixel_types))
+  const auto type = std::find_if(std::begin(meta_types), std::end(meta_types),
+                                 [&stored](const MetaType& t) { return stored == t.stored; });
+  if (type == std::end(meta_types))
     checks.refuse("ElementType", fmt::format("'{}'", stored), "MET_UCHAR … MET_DOUBLE");
   result.pixel_type = type->name;
   if (header.has("ElementNumberOfChannels"))
     one_integer(checks, header, "ElementNumberOfChannels", 1, 1);
   check_frame(checks, header);
-  StoredData data = stored_data(checks, header);
+  StoredData data = meta_data(checks, header);
   data.values = result.voxels();
   data.bytes = data.values * static_cast<std::uint64_t>(type->bytes);
   check_stored(checks, data);

@@ -17,13 +17,13 @@ namespace {
 constexpr std::uint64_t header_bytes = 348, first_data = 352;
 constexpr std::uint64_t max_offset = 1 << 24;
 
-struct PixelType {
+struct NiftiType {
   int code;
   const char* name;
   int bytes;
 };
 
-constexpr PixelType pixel_types[] = {
+constexpr NiftiType nifti_types[] = {
     {NIFTI_TYPE_UINT8, "uint8", 1},     {NIFTI_TYPE_INT8, "int8", 1},
     {NIFTI_TYPE_UINT16, "uint16", 2},   {NIFTI_TYPE_INT16, "int16", 2},
     {NIFTI_TYPE_UINT32, "uint32", 4},   {NIFTI_TYPE_INT32, "int32", 4},
@@ -124,9 +124,9 @@ ImageHeader read_nifti_header(const HeaderChecks& checks) {
   ImageHeader result{.path = checks.path(), .format = ImageFormat::nifti};
   if (h.dim[0] < 1 || h.dim[0] > 7) checks.refuse("dim", fmt::format("{} axes", h.dim[0]), "three");
   result.size = checks.size("dim", {h.dim + 1, h.dim + 1 + h.dim[0]}, 1);
-  const auto type = std::find_if(std::begin(pixel_types), std::end(pixel_types),
-                                 [&h](const PixelType& t) { return t.code == h.datatype; });
-  if (type == std::end(pixel_types) || h.bitpix != 8 * type->bytes) {
+  const auto type = std::find_if(std::begin(nifti_types), std::end(nifti_types),
+                                 [&h](const NiftiType& t) { return t.code == h.datatype; });
+  if (type == std::end(nifti_types) || h.bitpix != 8 * type->bytes) {
     checks.refuse("datatype", fmt::format("code {} of {} bits", h.datatype, h.bitpix),
                   "whole or floating numbers, one per voxel");
   }

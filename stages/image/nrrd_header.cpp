@@ -9,13 +9,13 @@
 namespace viscera {
 namespace {
 
-struct PixelType {
+struct NrrdType {
   const char* name;
   int bytes;
   std::vector<std::string> spellings;
 };
 
-const std::vector<PixelType> pixel_types = {
+const std::vector<NrrdType> nrrd_types = {
     {"int8", 1, {"signed char", "int8", "int8_t"}},
     {"uint8", 1, {"uchar", "unsigned char", "uint8", "uint8_t"}},
     {"int16", 2, {"short", "short int", "signed short", "signed short int", "int16", "int16_t"}},
@@ -32,8 +32,8 @@ const std::vector<PixelType> pixel_types = {
     {"float32", 4, {"float"}},
     {"float64", 8, {"double"}}};
 
-const PixelType& pixel_type(const HeaderChecks& checks, const std::string& text) {
-  for (const auto& type : pixel_types)
+const NrrdType& pixel_type(const HeaderChecks& checks, const std::string& text) {
+  for (const auto& type : nrrd_types)
     if (std::count(type.spellings.begin(), type.spellings.end(), text)) return type;
   checks.refuse("type", fmt::format("'{}'", text), "whole or floating numbers (uchar … double)");
 }
@@ -57,7 +57,7 @@ std::string unescaped(const std::string& text) {
   return plain;
 }
 
-TextHeader read_lines(const HeaderChecks& checks) {
+TextHeader read_nrrd_lines(const HeaderChecks& checks) {
   HeaderLines lines(checks, 1 << 20);  // Slicer keeps whole tables in one line
   TextHeader header;
   const auto magic = lines.next();
@@ -119,7 +119,7 @@ std::int64_t skip(const HeaderChecks& checks, const TextHeader& header, const ch
   return values[0];
 }
 
-StoredData stored_data(const HeaderChecks& checks, const TextHeader& header) {
+StoredData nrrd_data(const HeaderChecks& checks, const TextHeader& header) {
   StoredData data{.file = checks.path(), .field = "sizes", .offset = header.end};
   if (header.has("data file")) {
     const std::string& name = header.field(checks, "data file");
@@ -142,7 +142,7 @@ StoredData stored_data(const HeaderChecks& checks, const TextHeader& header) {
 }  // namespace
 
 ImageHeader read_nrrd_header(const HeaderChecks& checks) {
-  const TextHeader header = read_lines(checks);
+  const TextHeader header = read_nrrd_lines(checks);
   ImageHeader result{.path = checks.path(), .format = ImageFormat::nrrd, .fields = header.pairs};
   const auto& type = pixel_type(checks, header.field(checks, "type"));
   result.pixel_type = type.name;
@@ -163,7 +163,7 @@ ImageHeader read_nrrd_header(const HeaderChecks& checks) {
   }
   result.size = checks.size("sizes", sizes, result.layers);
   check_vectors(checks, header, layered);
-  StoredData data = stored_data(checks, header);
+  StoredData data = nrrd_data(checks, header);
   data.values = result.voxels() * static_cast<std::uint64_t>(result.layers);
   data.bytes = data.values * static_cast<std::uint64_t>(type.bytes);
   check_stored(checks, data);

@@ -5,10 +5,11 @@
 #include <charconv>
 #include <optional>
 
+#include "stages/image/label_image.hpp"
+
 namespace viscera {
 namespace {
 
-constexpr int max_id = 65535;
 constexpr int max_segments = 10000;
 
 // The number that a text is, from 0 to 65535.
@@ -16,7 +17,7 @@ std::optional<int> id_of(const std::string& text) {
   int id = -1;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
   const bool whole = error == std::errc{} && end == text.data() + text.size();
-  return whole && id >= 0 && id <= max_id ? std::optional(id) : std::nullopt;
+  return whole && id >= 0 && id <= max_label_id ? std::optional(id) : std::nullopt;
 }
 
 std::vector<StoredSegment> from_pairs(const std::map<std::string, std::string>& pairs) {
@@ -48,11 +49,12 @@ std::vector<StoredSegment> from_slicer(const ImageHeader& header) {
     segments.push_back({*name, old ? s : layer.value_or(header.layers), value.value_or(0)});
     const auto& made = segments.back();
     if (made.layer >= header.layers || made.value < 1) {
-      throw bad_image(header.path, fmt::format("Segment{}_Layer, _LabelValue", s),
-                      fmt::format("layer {}, value {}", field("Layer").value_or("unset"),
-                                  field("LabelValue").value_or("unset")),
-                      fmt::format("a layer below {}, a value from 1 to {}", header.layers, max_id),
-                      "save the segmentation again");
+      throw bad_image(
+          header.path, fmt::format("Segment{}_Layer, _LabelValue", s),
+          fmt::format("layer {}, value {}", field("Layer").value_or("unset"),
+                      field("LabelValue").value_or("unset")),
+          fmt::format("a layer below {}, a value from 1 to {}", header.layers, max_label_id),
+          "save the segmentation again");
     }
   }
   return segments;

@@ -48,7 +48,7 @@ double six_volumes(const TetMesh& mesh, const std::array<int, 4>& t) {
 
 // Number of entries that equal one before them in sorted order.
 template <class T>
-std::size_t repeated(std::vector<T> values) {
+std::size_t count_repeated(std::vector<T> values) {
   std::sort(values.begin(), values.end());
   return static_cast<std::size_t>(values.end() - std::unique(values.begin(), values.end()));
 }
@@ -265,8 +265,8 @@ Topology inspect(const TetMesh& mesh) {
     for (const int corner : tet) ++tets_at[corner];
     std::sort(tet.begin(), tet.end());
   }
-  found.duplicate_tets = repeated(std::move(sorted));
-  found.duplicate_points = repeated(mesh.points);
+  found.duplicate_tets = count_repeated(std::move(sorted));
+  found.duplicate_points = count_repeated(mesh.points);
   found.stray_points = static_cast<std::size_t>(std::count(tets_at.begin(), tets_at.end(), 0u));
   const auto busiest = std::max_element(tets_at.begin(), tets_at.end());
   if (busiest != tets_at.end()) {

@@ -30,10 +30,7 @@ ProbeRequest read_probe(const std::string& name, const Json& given) {
                  .found = found,
                  .allowed = "{point: [10 mm, -4 mm, 870 mm]}, or {centroid: LABEL}"});
   };
-  if (!given.is_object()) refuse(given.dump());
-  const Json values = resolve({{.name = "point", .type = ParamType::list, .fallback = nullptr},
-                               {.name = "centroid", .fallback = ""}},
-                              given, "parameters", field + ".");
+  const Json values = resolve(probes_param().entry, given, "parameters", field + ".");
   ProbeRequest probe{.name = name, .point = {}, .label = values.at("centroid").get<std::string>()};
   if (!values.at("point").is_null()) probe.point = read_place(values.at("point"), field + ".point");
   if (probe.point.has_value() != probe.label.empty())
@@ -81,6 +78,11 @@ Param probes_param() {
   return {.name = "probes",
           .type = ParamType::map,
           .fallback = Json::object(),
+          .entry = {{.name = "point",
+                     .type = ParamType::list,
+                     .fallback = nullptr,
+                     .doc = "a point of the body at rest, [x, y, z], LPS"},
+                    {.name = "centroid", .fallback = "", .doc = "a label of the mesh"}},
           .doc =
               "points of the body at rest and centroids of labels to follow, in metrics.csv: "
               "{tip: {point: [10 mm, -4 mm, 870 mm]}, lump: {centroid: tumour}}; LPS"};

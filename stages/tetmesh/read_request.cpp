@@ -16,17 +16,7 @@ Choice choice(const StageRun& run, const char* param,
 RegionRequest read_region(const std::string& name, const Json& given) {
   const std::string prefix = "regions." + name + ".";
   check_plain_name(name, "regions", "region");  // it names an array of a file
-  if (!given.is_object()) {
-    throw Error(ExitCode::bad_config, {.where = "parameters",
-                                       .field = "regions." + name,
-                                       .found = given.dump(),
-                                       .allowed = "{side: superior, within: 30 mm}, or a box"});
-  }
-  const Json values = resolve({{.name = "side", .fallback = ""},
-                               quantity("within", nullptr, "mm", 1e-3, 1e6, ""),
-                               {.name = "box_lo", .type = ParamType::list, .fallback = nullptr},
-                               {.name = "box_hi", .type = ParamType::list, .fallback = nullptr}},
-                              given, "parameters", prefix);
+  const Json values = resolve(region_params(), given, "parameters", prefix);
   const auto corner = [&](const char* key) { return read_place(values.at(key), prefix + key); };
   RegionRequest region{
       .name = name, .side = values.at("side").get<std::string>(), .box = std::nullopt};
@@ -44,6 +34,25 @@ RegionRequest read_region(const std::string& name, const Json& given) {
 }
 
 }  // namespace
+
+Param size_param() {
+  return quantity("", nullptr, "mm", 0.05, 500.0, "cell size of the label");
+}
+
+std::vector<Param> region_params() {
+  return {{.name = "side",
+           .fallback = "",
+           .doc = "a side of the labels, or of the surface, as superior; with `within`"},
+          quantity("within", nullptr, "mm", 1e-3, 1e6, "distance from that side"),
+          {.name = "box_lo",
+           .type = ParamType::list,
+           .fallback = nullptr,
+           .doc = "corner of a box with the least coordinates, [x, y, z], LPS"},
+          {.name = "box_hi",
+           .type = ParamType::list,
+           .fallback = nullptr,
+           .doc = "corner of a box with the largest coordinates"}};
+}
 
 std::vector<RegionRequest> read_regions(const Json& given) {
   std::vector<RegionRequest> regions;
@@ -85,7 +94,7 @@ MeshRequest read_request(const StageRun& run) {
     request.surface = read_vtp(run.input("surface"));
     request.surface_file = run.input("surface").string();
   }
-  const Param size = quantity("sizes", nullptr, "mm", 0.05, 500.0, "cell size of a label");
+  const Param size = size_param();
   for (const auto& [name, value] : run.params().at("sizes").items()) {
     request.sizes[name] =
         resolve_required(size, value, "parameters", "sizes." + name).get<double>();

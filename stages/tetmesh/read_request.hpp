@@ -9,6 +9,10 @@ namespace viscera {
 // Reads the labels and, where the route needs it, the surface. Throws Error.
 MeshRequest read_request(const StageRun& run);
 
+// What each value of the parameters `sizes` and `regions` is.
+Param size_param();
+std::vector<Param> region_params();
+
 // The parameter `regions`. Throws Error(bad_config).
 std::vector<RegionRequest> read_regions(const Json& given);
 

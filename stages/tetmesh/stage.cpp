@@ -45,6 +45,7 @@ std::vector<Param> params() {
       {.name = "sizes",
        .type = ParamType::map,
        .fallback = Json::object(),
+       .entry = {size_param()},
        .doc = "cell sizes of labels that shall not have cell_size (route fields): {tumour: 3 mm}"},
       quantity(
           "interface_size", 1.0, "1", 0.05, 1.0,
@@ -54,6 +55,7 @@ std::vector<Param> params() {
       {.name = "regions",
        .type = ParamType::map,
        .fallback = Json::object(),
+       .entry = region_params(),
        .doc = "parts of the body that a scene's effects name, with their borders among the faces "
               "of the mesh: {support: {side: superior, within: 30 mm}, patch: {box_lo: [0 mm, "
               "0 mm, 0 mm], box_hi: [..]}}; a side is one of the labels, or of the surface"},
@@ -104,6 +106,7 @@ std::vector<Param> params() {
       {.name = "materials",
        .type = ParamType::map,
        .fallback = Json::object(),
+       .entry = elastic_params(),
        .doc = "{label name: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3}}, for inp, feb and substeps"},
       {.name = "substeps",
        .type = ParamType::integer,

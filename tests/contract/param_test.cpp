@@ -23,6 +23,17 @@ const std::vector<Param> declared = {
      .choices = {"auto", "cpu", "cuda"},
      .doc = "where"},
     {.name = "labels", .type = ParamType::map, .fallback = nullptr, .doc = "names"},
+    {.name = "sizes",
+     .type = ParamType::map,
+     .fallback = Json::object(),
+     .entry = {quantity("", nullptr, "mm", 0.1, 100.0, "edge there")},
+     .doc = "cell sizes of labels"},
+    {.name = "materials",
+     .type = ParamType::map,
+     .fallback = Json::object(),
+     .entry = {quantity("E", nullptr, "Pa", 1.0, 1e9, "stiffness"),
+               {.name = "law", .fallback = ""}},
+     .doc = "by label"},
 };
 
 TEST(Param, DefaultsAndGivenValuesResolveToTheDeclaredUnitAndOrder) {
@@ -42,6 +53,30 @@ TEST(Param, AMisspeltNameIsRefusedWithTheNearestValidOne) {
     EXPECT_EQ(e.problem().field, "tetmesh.cel_size");
     EXPECT_NE(std::string(e.what()).find("'cell_size'"), std::string::npos) << e.what();
     EXPECT_NE(std::string(e.what()).find("spec.yaml:7:3"), std::string::npos);
+  }
+}
+
+TEST(Param, WhatTheValuesOfAMapAreIsCheckedWhereTheirPlaceIsKnown) {
+  const Json right{{"sizes", {{"liver", "4 mm"}}}, {"materials", {{"liver", {{"E", "5 kPa"}}}}}};
+  const Json resolved = resolve(declared, right, "spec.yaml");
+  EXPECT_EQ(resolved["sizes"], right["sizes"]) << "given on as it was written, with its unit";
+  EXPECT_EQ(resolved["materials"], right["materials"]);
+  const std::vector<std::pair<Json, std::string>> wrong = {
+      {{{"sizes", {{"liver", nullptr}}}}, "sizes.liver"},
+      {{{"sizes", {{"liver", "4"}}}}, "sizes.liver"},
+      {{{"sizes", {{"liver", "4 m"}}}}, "sizes.liver"},
+      {{{"materials", {{"liver", nullptr}}}}, "materials.liver"},
+      {{{"materials", {{"liver", {{"e", "5 kPa"}}}}}}, "materials.liver.e"},
+      {{{"materials", {{"liver", {{"E", "5 mm"}}}}}}, "materials.liver.E"}};
+  for (const auto& [given, field] : wrong) {
+    try {
+      resolve(declared, given, "spec.yaml:7:3", "tetmesh.");
+      ADD_FAILURE() << given;
+    } catch (const Error& e) {
+      EXPECT_EQ(e.code(), ExitCode::bad_config);
+      EXPECT_EQ(e.problem().where, "spec.yaml:7:3") << given;
+      EXPECT_EQ(e.problem().field, "tetmesh." + field) << given;
+    }
   }
 }
 

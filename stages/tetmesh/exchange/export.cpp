@@ -108,15 +108,15 @@ std::map<int, Elastic> read_materials(const Json& given, const std::map<int, std
     const auto label = std::find_if(names.begin(), names.end(), [&key = name](const auto& entry) {
       return entry.second == key;
     });
-    if (label == names.end() || !values.is_object()) {
+    if (label == names.end()) {
       std::vector<std::string> known;
       for (const auto& [id, text] : names) known.push_back(text);
       throw Error(ExitCode::bad_config,
                   {.where = "parameters",
                    .field = "materials." + name,
-                   .found = label == names.end() ? "no label of that name" : values.dump(),
+                   .found = "no label of that name",
                    .allowed = "{E: 5 kPa, nu: 0.45, density: 1060 kg/m3} by label name",
-                   .remedy = label == names.end() ? suggest(name, known) : ""});
+                   .remedy = suggest(name, known)});
     }
     const Json m = resolve(elastic_params(), values, "parameters", "materials." + name + ".");
     for (const char* key : {"E", "nu", "density"}) {

@@ -33,7 +33,8 @@ std::string escaped(const std::string& text) {
   return safe;
 }
 
-void put_materials(Buffer& text, const TetExport& body, const std::map<int, std::string>& names) {
+void put_feb_materials(Buffer& text, const TetExport& body,
+                       const std::map<int, std::string>& names) {
   put(text, "  <Material>\n");
   int id = 0;
   for (const auto& [label, name] : names) {
@@ -90,7 +91,7 @@ void write_feb(const std::filesystem::path& path, const TetExport& body) {
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
       "<!-- viscera tetrahedral mesh: LPS mm. Units mm, N, t, s: MPa and t/mm3. -->\n"
       "<febio_spec version=\"4.0\">\n  <Module type=\"solid\"/>\n");
-  put_materials(text, body, names);
+  put_feb_materials(text, body, names);
   put_mesh(text, body, names);
   put(text, "  <MeshDomains>\n");
   for (const auto& [label, name] : names)

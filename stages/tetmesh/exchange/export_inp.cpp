@@ -17,7 +17,8 @@ using namespace export_text;
 constexpr int face_without[4] = {3, 4, 2, 1};
 constexpr std::size_t ids_a_line = 12;
 
-void put_materials(Buffer& text, const TetExport& body, const std::map<int, std::string>& names) {
+void put_inp_materials(Buffer& text, const TetExport& body,
+                       const std::map<int, std::string>& names) {
   for (const auto& [label, name] : names) {
     put(text, "*MATERIAL, NAME={}\n", name);
     const auto known = body.materials.find(label);
@@ -73,7 +74,7 @@ void write_inp(const std::filesystem::path& path, const TetExport& body) {
   }
   for (std::size_t p = 0; p < body.patches.size(); ++p)
     put_patch(text, body.patches[p], patch_names.at(static_cast<int>(p)));
-  put_materials(text, body, names);
+  put_inp_materials(text, body, names);
   write_atomically(path, {text.data(), text.size()});
 }
 

@@ -9,7 +9,6 @@
 namespace viscera {
 namespace {
 
-constexpr double gain = 1e-9;
 constexpr double thinning_cosine = 0.8;  // between the normals of a facet before and after
 
 // Every surface triangle at `gone` that lives on keeps its direction and its distance.
@@ -104,7 +103,7 @@ bool collapse_above(Stars& mesh, int gone, int kept, double bar, const Leeway& a
 }  // namespace
 
 bool collapse_edge(Stars& mesh, int gone, int kept) {
-  const double bar = std::max(mesh.worst(mesh.star(gone)), 0.0) + gain;
+  const double bar = std::max(mesh.worst(mesh.star(gone)), 0.0) + min_gain;
   return collapse_above(mesh, gone, kept, bar, leeway(bar));
 }
 
@@ -116,7 +115,7 @@ bool thin_out(Stars& mesh, int point, const Thinning& thinning, double floor) {
   }
   if (near.empty()) return false;
   std::sort(near.begin(), near.end());
-  const double bar = std::max(std::min(mesh.worst(mesh.star(point)), floor), 0.0) + gain;
+  const double bar = std::max(std::min(mesh.worst(mesh.star(point)), floor), 0.0) + min_gain;
   const Leeway allowed{thinning_cosine, thinning.facet_distance / mesh.size(point)};
   return std::any_of(near.begin(), near.end(), [&](const auto& edge) {
     return collapse_above(mesh, point, edge.second, bar, allowed);
@@ -139,7 +138,7 @@ bool split_edge(Stars& mesh, int a, int b) {
       *std::find(after.back().first.begin(), after.back().first.end(), end) = middle;
     }
   }
-  const double bar = mesh.worst(old) + gain;
+  const double bar = mesh.worst(old) + min_gain;
   mesh.replace(old, after);
   smooth(mesh, middle);
   if (mesh.worst(mesh.star(middle)) > bar) return true;

@@ -9,7 +9,6 @@ namespace viscera {
 namespace {
 
 constexpr std::size_t max_ring = 10;
-constexpr double gain = 1e-9;
 constexpr double mean_gain = 0.02;  // less is not worth the change
 using Tets = std::vector<std::pair<Tet, int>>;
 
@@ -167,7 +166,7 @@ std::optional<Filling> without_edge(const Stars& mesh, int a, int b, const Ring&
 bool remove_edge(Stars& mesh, int a, int b) {
   const Ring ring = mesh.ring(a, b);
   const auto old = tets_of(ring);
-  const double bar = std::max(mesh.worst(old), 0.0) + gain;
+  const double bar = std::max(mesh.worst(old), 0.0) + min_gain;
   const auto filling = without_edge(mesh, a, b, ring, bar);
   if (!filling || (bar > crowding_bar && mesh.crowds(old, filling->tets))) return false;
   mesh.replace(old, filling->tets);
@@ -200,7 +199,7 @@ bool flip_face(Stars& mesh, int tet, int corner) {
     if (across < 0) return false;  // tangled: two tets on the same four corners
     Tets fresh;
     double worst = no_quality;
-    const double bar = std::max(std::min(mesh.quality(tet), mesh.quality(other)), 0.0) + gain;
+    const double bar = std::max(std::min(mesh.quality(tet), mesh.quality(other)), 0.0) + min_gain;
     for (int c = 0; c < 4; ++c) {
       if (c == corner) continue;
       Tet made = t;  // one corner of the face gives way to the point across it

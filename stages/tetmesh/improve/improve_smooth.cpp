@@ -11,7 +11,7 @@
 namespace viscera {
 namespace {
 
-constexpr int max_steps = 5;
+constexpr int max_smoothing_steps = 5;
 constexpr int max_halvings = 7;
 constexpr double nearly_worst = 0.03;
 constexpr double first_step = 0.25;  // of the local size
@@ -129,7 +129,7 @@ bool smooth(Stars& mesh, int point) {
   if (!freedom.able()) return false;
   bool moved = false;
   Trial tried;
-  for (int step = 0; step < max_steps; ++step) {
+  for (int step = 0; step < max_smoothing_steps; ++step) {
     const double worst = mesh.worst(mesh.star(point));
     const Vec direction = ascent(mesh, point, worst, freedom.normals());
     const double slope = norm(direction);

@@ -12,6 +12,9 @@ namespace viscera {
 
 using Tet = std::array<int, 4>;
 
+// By how much a change must raise the quality that it is judged by: less is rounding.
+inline constexpr double min_gain = 1e-9;
+
 // A tet that stands on an edge (a, b), seen along the edge: the arc of its two other corners in
 // the sense that makes (a, b, from, to) positive.
 struct Arc {

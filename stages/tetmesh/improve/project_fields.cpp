@@ -5,7 +5,7 @@
 namespace viscera {
 namespace {
 
-constexpr int max_steps = 16;
+constexpr int max_field_steps = 16;
 constexpr double settled = 1e-4;    // of a voxel
 constexpr double max_voxels = 3.0;  // that a point may be moved
 
@@ -43,13 +43,13 @@ std::optional<Contact> project(const MaterialFields& fields, const Vec& point,
   Vec p = start;
   std::array<double, 2> value{};
   std::array<Vec, 2> slope{};
-  for (int step = 0; step < max_steps; ++step) {
+  for (int step = 0; step < max_field_steps; ++step) {
     for (std::size_t c = 0; c < conditions; ++c)
       value[c] = fields.lead(p, pairs[c][0], pairs[c][1], slope[c]);
     const auto move = newton_step(value, slope, conditions);
     if (!move) return std::nullopt;
     // Gradients jump between voxels: shorter steps end a walk to and fro.
-    p = add(p, scale(step < max_steps / 2 ? 1.0 : 0.5, *move));
+    p = add(p, scale(step < max_field_steps / 2 ? 1.0 : 0.5, *move));
     if (norm(sub(p, start)) > max_voxels * voxel) return std::nullopt;
     if (norm(*move) > settled * voxel) continue;
     Contact contact{frame.to_lps(p), {}};

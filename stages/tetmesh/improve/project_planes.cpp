@@ -6,7 +6,7 @@
 namespace viscera {
 namespace {
 
-constexpr int max_steps = 16;
+constexpr int max_plane_steps = 16;
 constexpr double settled = 1e-6;      // mm
 constexpr double least_slope = 0.05;  // sine of the angle between surfaces that meet
 
@@ -57,7 +57,7 @@ std::optional<Vec> step_along(const std::vector<Vec>& normals, std::vector<doubl
 // again.
 std::optional<Contact> meet(const Projector& base, const Vec& point, const Interfaces& at) {
   Vec p = point;
-  for (int step = 0; step < max_steps; ++step) {
+  for (int step = 0; step < max_plane_steps; ++step) {
     Contact contact{p, {}};
     if (at.labels.size() > 1) {
       const auto near = base(p, at.labels);

@@ -201,11 +201,11 @@ class Loss {
   }
 
   LostPart describe(const Voxels& voxels, const Widths& width, const Widths& meshable) const {
-    const std::size_t farthest = *std::max_element(
+    const std::size_t deepest = *std::max_element(
         voxels.begin(), voxels.end(),
         [this](std::size_t a, std::size_t b) { return distance_.at(a) < distance_.at(b); });
-    const Vec end = middle_of(frame_, farthest);
-    LostPart part{.depth = distance_.at(farthest), .place = frame_.to_lps(end)};
+    const Vec end = middle_of(frame_, deepest);
+    LostPart part{.depth = distance_.at(deepest), .place = frame_.to_lps(end)};
     part.volume = static_cast<double>(voxels.size()) * frame_.voxel_volume();
     double passes = 0.0;
     for (const std::size_t v : voxels) {
