@@ -69,12 +69,12 @@ void add_stiffness_rows(std::vector<Row>& rows, const char* solver, Element elem
   }
 }
 
-// What a scheme's error may be with so many substeps. The goal is Gauss-Seidel's at 64; blocks,
-// which come to it later, must not come to rest elsewhere; the rest shows how each falls off.
+// What a scheme's error may be with so many substeps. The goal is Gauss-Seidel's at 64; blocks are
+// judged there too, with which most of the tables run them; the rest shows how each falls off.
 std::optional<double> max_error(const SolverOptions& options, int substeps) {
   if (options.method != Method::xpbd) return {};
   if (options.scheme == Scheme::gauss_seidel && substeps == 64) return 0.003;
-  if (options.scheme == Scheme::block_gauss_seidel && substeps == 128) return 0.01;
+  if (options.scheme == Scheme::block_gauss_seidel && substeps >= 64) return 0.01;
   return {};
 }
 
