@@ -14,10 +14,8 @@ namespace viscera {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr int max_id = 65535;
-
 std::vector<std::vector<Run>> runs_by_value(const std::vector<std::uint16_t>& voxels) {
-  std::vector<std::vector<Run>> runs(max_id + 1);
+  std::vector<std::vector<Run>> runs(max_label_id + 1);
   for (std::size_t v = 0; v < voxels.size(); ++v)
     if (voxels[v] != 0) extend(runs[voxels[v]], v);
   return runs;
@@ -43,7 +41,7 @@ Segmentation from_volume(const fs::path& path) {
       result.segments.push_back({id, named[s].name, std::move(runs[value])});
       runs[value].clear();
     }
-    for (int value = 1; value <= max_id; ++value) {
+    for (int value = 1; value <= max_label_id; ++value) {
       if (runs[value].empty()) continue;
       if (volume.layers.size() > 1) {
         throw bad_image(path, "voxel values", fmt::format("{} in layer {}", value, layer),

@@ -82,7 +82,7 @@ Wanted parse_wanted(const Json& given) {
     check_label_name(name, ExitCode::bad_config, "parameters", "labels");
     const Json parts = value.is_array() ? value : Json::array({value});
     for (const auto& part : parts) {
-      const bool id = part.is_number_integer() && part >= 1 && part <= 65535;
+      const bool id = part.is_number_integer() && part >= 1 && part <= max_label_id;
       if (!id && !part.is_string()) throw bad_labels(name, part.dump());
       if (!taken.emplace(part, name).second)
         throw bad_labels(name, fmt::format("{} also stands under '{}'", part.dump(), taken[part]));

@@ -20,9 +20,8 @@ const std::vector<KnownMiss> known_misses = {
      "fem, smoothed elements", "fp64", 3.43},
     {"stress at the vertices of a bar of 3,600 tets against CalculiX's quadratic tets",
      "fem, linear tets", "fp64", 4.05},
-    // Blocks need more substeps than colours to rest where a stiff, slender body does: 1.5 on a
-    // CPU,
-    // 1.6 on a device; at 128 they are within the bound.
+    // Blocks need more substeps than colours to rest where a stiff, slender body does: this is 1.5
+    // on a CPU and 1.6 on a device; at 128 they are within the bound.
     {"bar of 3,600 tets, 64 substeps", "xpbd block_gauss_seidel", "fp64", 1.7},
     // Explicit, without the stability policy that raises their substeps.
     {"bar of 3,600 tets, 16 substeps", "xpbd jacobi, split 1", "fp64", 1},
