@@ -36,7 +36,8 @@ struct Row {
   std::string section;  // of the source's list: "1" to "18"
   std::string name, solver, precision;
   std::function<Outcome()> run;
-  bool may_refuse = false;  // a refusal that says why is as good as a figure
+  bool may_refuse = false;    // a refusal that says why is as good as a figure
+  bool begins_first = false;  // takes minutes: no core is to wait for it at the end
   bool done = false;
   Outcome outcome = {};
 };
@@ -52,10 +53,10 @@ struct KnownMiss {
   double miss;
 };
 
-// What is wrong with the rows: failures that are not known, or worse than known. Known misses that
-// are none any more are told on stdout.
-std::vector<std::string> complaints(const std::vector<Row>& rows,
-                                    const std::vector<KnownMiss>& known);
+// What is wrong with the rows: failures that are not known, or worse than known; on a device some
+// are known besides. Known misses that are none any more are told on stdout.
+std::vector<std::string> complaints(const std::vector<Row>& rows, std::vector<KnownMiss> known,
+                                    const std::vector<KnownMiss>& on_cuda);
 
 // Markdown: `head`, a count of the verdicts and the day of the figures, one line a row that is
 // done. A table whose figures are those of the file before keeps its day. `held` is the word for a

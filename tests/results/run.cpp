@@ -23,24 +23,24 @@ std::string device_asked_for() {
 
 std::unique_ptr<Solver> make_under_test(const Model& model, const Scene& scene,
                                         const SolverOptions& options) {
-  const auto on_cpu = [&](int threads) {
-    SolverOptions own = options;
-    own.threads = threads;
-    return make_on_cpu(model, scene, own);
-  };
-  if (!runs_on_cuda() || !what_cuda_lacks(scene, options).empty()) return on_cpu(options.threads);
+  if (!runs_on_cuda() || !what_cuda_lacks(scene, options).empty()) {
+    return make_on_cpu(model, scene, options);
+  }
   auto cuda = make_on_cuda(model, scene, options);
   // Blocks are others on a device, so that a run on the CPU is no twin.
   if (in_blocks(options) || device_asked_for() != "cuda+cpu") return cuda;
   const char* const methods[] = {"xpbd", "pbd", "tled"};
   const char* const schemes[] = {"gauss_seidel", "block_gauss_seidel", "jacobi"};
+  SolverOptions on_cpu = options, in_full_precision = options;
+  on_cpu.threads = in_full_precision.threads = 0;
+  in_full_precision.precision = Precision::fp64;
+  const bool single = options.precision == Precision::fp32;
   return std::make_unique<Twins>(
-      std::move(cuda), on_cpu(0), on_cpu(0), model.size(),
-      options.precision == Precision::fp32 ? 1e-7 : 1e-15,
+      std::move(cuda), make_on_cpu(model, scene, on_cpu),
+      make_on_cpu(model, scene, in_full_precision), model.size(), single ? 0.0 : 1e-15,
       fmt::format("{} {} fp{}, {} tets, {} × {} a frame of {:.3g} ms",
                   methods[static_cast<int>(options.method)],
-                  schemes[static_cast<int>(options.scheme)],
-                  options.precision == Precision::fp32 ? 32 : 64, model.tet_count(),
+                  schemes[static_cast<int>(options.scheme)], single ? 32 : 64, model.tet_count(),
                   scene.time.substeps, options.iterations, 1e3 * scene.time.frame_s));
 }
 

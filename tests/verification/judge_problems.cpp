@@ -241,6 +241,7 @@ void add_size(std::vector<Row>& rows, const Size& size) {
         return run.state();
       },
       0.01);
+  rows.back().begins_first = size.cells[0] >= 40;
 }
 
 }  // namespace

@@ -34,6 +34,12 @@ const std::vector<KnownMiss> known_misses = {
     {"never rises", "tled", "fp64", 2.48e7},
 };
 
+// Of a device besides.
+const std::vector<KnownMiss> known_misses_on_cuda = {
+    // With one, two and four substeps a frame the bar does not settle, and where it is after 2.5 s
+    // is by chance: a rounding error changes it by as much.
+    {"64 sweeps a frame, as substeps × iterations", "xpbd gauss_seidel", "fp64", 1}};
+
 const std::string head = R"(# Verification
 
 Written by `test_solvers`; do not edit. Errors are rms over vertices against Newton's equilibrium on
@@ -46,12 +52,12 @@ runs is run there and on the CPU, and the table is `verification_cuda.md`.
 std::string agreement_in_words() {
   const Agreement& all = agreement();
   if (all.runs == 0) return "";
-  const auto judged = all.runs - std::ssize(all.by_rounding);
+  const auto within = all.runs - std::ssize(all.by_rounding) - std::ssize(all.farther);
   std::string words = fmt::format(
-      "\nOn CUDA and beside it on the CPU: {} runs, {} of {} within {:g} L at every vertex and "
+      "\nOn CUDA and beside it on the CPU: {} runs, {} of them within {:g} L at every vertex and "
       "frame (at most {:.2g}) from the state last set, which runs that settle do after every "
-      "frame. In the others a rounding error alone grows beyond that on the CPU.\n\n",
-      all.runs, judged - std::ssize(all.farther), judged, Agreement::allowed, all.largest);
+      "frame; in {} others rounding alone takes the CPU farther than that.\n\n",
+      all.runs, within, Agreement::allowed, all.largest, all.by_rounding.size());
   for (const auto& run : all.farther) words += "- **Farther**: " + run + ".\n";
   for (const auto& run : all.by_rounding) words += "- By rounding: " + run + ".\n";
   return words;
@@ -68,7 +74,9 @@ TEST(Solvers, EveryFigureIsWithinItsBoundOrAKnownMissThatIsNoWorse) {
   const std::string table = runs_on_cuda() ? "verification_cuda.md" : "verification.md";
   write_table("docs/results/" + table, head + agreement_in_words(), "met", rows);
   for (const auto& run : agreement().farther) ADD_FAILURE() << "CPU and CUDA apart: " << run;
-  for (const auto& complaint : complaints(rows, known_misses)) ADD_FAILURE() << complaint;
+  for (const auto& complaint : complaints(rows, known_misses, known_misses_on_cuda)) {
+    ADD_FAILURE() << complaint;
+  }
 }
 
 }  // namespace
