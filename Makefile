@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        docs gallery live soak measured bench-solver bench-body bench-error bench-support bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
+        docs gallery live soak measured wheel test-python bench-solver bench-body bench-error bench-support bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -129,6 +129,22 @@ gpu-bundle: build $(OUT)/tetmesh/manifest.json ## build/gpu-bundle, to be copied
 test-gpu: build $(OUT)/tetmesh/manifest.json ## the GPU tests on this machine; fails without a device
 	@VISCERA_REQUIRE_GPU=1 VISCERA_GPU_MESH=$(OUT)/tetmesh/mesh.vtu \
 	  VISCERA_GPU_SCENE=configs/scenes/drop.yaml $(BIN)/test_gpu
+
+# Debian's: of another Python, the packages that the wheel is made with may be absent.
+PYTHON ?= /usr/bin/python3
+WHEEL = build/wheel
+
+wheel: | packages ## the Python package, build/wheel/dist/viscera-*.whl, for pip install; WHEEL_OPTIONS=-DVISCERA_CUDA=ON
+	@sh .ci/packages python
+	@cmake --preset wheel -DPython_EXECUTABLE=$(PYTHON) $(WHEEL_OPTIONS) >/dev/null
+	@ninja -C $(WHEEL) -j $(JOBS) viscera_python
+	@rm -rf $(WHEEL)/dist && $(PYTHON) -m build --wheel --no-isolation --outdir $(WHEEL)/dist $(WHEEL)/package >/dev/null
+	@ls -sh $(WHEEL)/dist/*.whl
+
+test-python: wheel programs ## the wheel's tests, in an environment of its own without network
+	@$(PYTHON) -m venv --clear --system-site-packages $(WHEEL)/venv
+	@$(WHEEL)/venv/bin/pip install --quiet --no-index --no-deps $(WHEEL)/dist/*.whl
+	@$(WHEEL)/venv/bin/python -m pytest -q -p no:cacheprovider tests/python
 
 BENCH = build/bench
 

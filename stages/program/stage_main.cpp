@@ -130,7 +130,7 @@ void limit_threads(const StageInfo& info, Json& params) {
   }
 }
 
-Json read_params(const StageInfo& info, const std::vector<std::string>& set) {
+Json given_params(const std::vector<std::string>& set) {
   Json given = Json::object();
   for (const auto& text : set) {
     const auto [name, value] = split_assignment(text, "--set");
@@ -142,9 +142,7 @@ Json read_params(const StageInfo& info, const std::vector<std::string>& set) {
     }
     given[name] = value_from_text(value);
   }
-  Json params = resolve(info.params, given, "command line");
-  limit_threads(info, params);
-  return params;
+  return given;
 }
 
 double cpu_seconds() {
@@ -203,7 +201,14 @@ void publish(const fs::path& work, const fs::path& out, const std::vector<FileDi
 StageRun read_run(const StageInfo& info, const std::vector<std::string>& in,
                   const std::vector<std::string>& set) {
   auto inputs = read_inputs(info, in);
-  return {read_params(info, set), std::move(inputs), {}};
+  return make_run(info, std::move(inputs), given_params(set), "command line");
+}
+
+StageRun make_run(const StageInfo& info, std::multimap<std::string, fs::path> inputs,
+                  const Json& params, const std::string& where) {
+  Json resolved = resolve(info.params, params, where);
+  limit_threads(info, resolved);
+  return {std::move(resolved), std::move(inputs), {}};
 }
 
 class StageProgram {

@@ -90,6 +90,10 @@ struct Stage {
 StageRun read_run(const StageInfo& info, const std::vector<std::string>& in,
                   const std::vector<std::string>& set);
 
+// The same of files and values that another program gives; `where` is what errors call their place.
+StageRun make_run(const StageInfo& info, std::multimap<std::string, std::filesystem::path> inputs,
+                  const Json& params, const std::string& where);
+
 // Does the work of a main(): errors become a message on stderr and their exit code.
 int guarded(const std::function<ExitCode()>& work);
 

@@ -93,9 +93,12 @@ SceneFile scene_of(const StageRun& run, const Json& changes) {
 }
 
 Setup set_up(StageRun& run) {
+  return set_up(run, read_vtu(run.input("mesh")));
+}
+
+Setup set_up(StageRun& run, TetMesh mesh) {
   take_accuracy(run);
   SceneFile file = scene_of(run, run.params().at("change"));
-  TetMesh mesh = read_vtu(run.input("mesh"));
   sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
   check_body(mesh, run.input("mesh").string());
   take_stiffness(run, mesh, model);

@@ -20,6 +20,8 @@ struct Setup {
 
 // Throws Error for files that do not fit, sim::Refusal for a body that cannot be simulated.
 Setup set_up(StageRun& run);
+// The same with a mesh that stands in for that of the run's file.
+Setup set_up(StageRun& run, TetMesh mesh);
 
 // The scene with values replaced (read_scene) and the params that stand in for parts of it.
 SceneFile scene_of(const StageRun& run, const Json& changes);

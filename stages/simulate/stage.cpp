@@ -89,33 +89,6 @@ void write_metrics(const std::filesystem::path& path, const sim::Model& model,
   write_atomically(path, text);
 }
 
-// The scene's policy over all that the schedule brings; returns the assessment of its worst
-// setting.
-sim::Stability apply_policy(const Schedule& schedule, sim::Model& model, sim::Scene& scene,
-                            const sim::SolverOptions& options) {
-  sim::Stability worst;
-  for (std::size_t k = 0; k < schedule.count(); ++k) {
-    schedule.set(k, model, scene);
-    sim::apply_policy(model, scene, options);
-  }
-  for (std::size_t k = 0; k < schedule.count(); ++k) {
-    schedule.set(k, model, scene);
-    const sim::Stability found = assess(model, scene, options);
-    if (k == 0 || found.limit.value > worst.limit.value) worst = found;
-  }
-  schedule.set(0, model, scene);
-  return worst;
-}
-
-// What the schedule brings is refused before the first step, not in the middle of the run.
-void rehearse(const Schedule& schedule, sim::Model& model, sim::Scene& scene, sim::Solver& solver) {
-  if (schedule.count() == 1) return;
-  for (std::size_t k = 1; k <= schedule.count(); ++k) {
-    schedule.set(k % schedule.count(), model, scene);
-    solver.retune(model, scene);
-  }
-}
-
 void report_scheme(StageRun& run, const sim::SolverOptions& options, const std::string& why) {
   const std::string name = scheme_name(options);
   if (name.empty()) return;

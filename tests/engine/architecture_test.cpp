@@ -85,6 +85,9 @@ const std::vector<Folder> folders = {
     {"pipeline/record",
      {"pipeline/base", "pipeline/contract", "pipeline/engine/store", "pipeline/engine/programs"}},
     {"pipeline/schema", {"pipeline/contract"}},
+    {"pipeline/python",
+     {"pipeline/base", "stages/mesh", "stages/simulate", "sim/model", "sim/scene", "sim/solvers",
+      "sim/solvers/fem"}},
     {"pipeline", {"pipeline/*"}},
 
     {"sim/base", {}},

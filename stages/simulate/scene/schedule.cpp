@@ -35,4 +35,28 @@ void Schedule::set(std::size_t setting, sim::Model& model, sim::Scene& scene) co
   sim::keep_forms(before, scene);
 }
 
+sim::Stability apply_policy(const Schedule& schedule, sim::Model& model, sim::Scene& scene,
+                            const sim::SolverOptions& options) {
+  sim::Stability worst;
+  for (std::size_t k = 0; k < schedule.count(); ++k) {
+    schedule.set(k, model, scene);
+    sim::apply_policy(model, scene, options);
+  }
+  for (std::size_t k = 0; k < schedule.count(); ++k) {
+    schedule.set(k, model, scene);
+    const sim::Stability found = assess(model, scene, options);
+    if (k == 0 || found.limit.value > worst.limit.value) worst = found;
+  }
+  schedule.set(0, model, scene);
+  return worst;
+}
+
+void rehearse(const Schedule& schedule, sim::Model& model, sim::Scene& scene, sim::Solver& solver) {
+  if (schedule.count() == 1) return;
+  for (std::size_t k = 1; k <= schedule.count(); ++k) {
+    schedule.set(k % schedule.count(), model, scene);
+    solver.retune(model, scene);
+  }
+}
+
 }  // namespace viscera

@@ -1,7 +1,9 @@
 // The scene's schedule over the frames of a run: what holds over each of them.
 #pragma once
 
+#include "sim/measures/stability.hpp"
 #include "sim/model/model.hpp"
+#include "sim/solvers/solver.hpp"
 #include "stages/simulate/scene/scene_file.hpp"
 
 namespace viscera {
@@ -24,5 +26,13 @@ class Schedule {
   std::vector<SceneChange> settings_;
   double frame_s_;
 };
+
+// The scene's policy over all that the schedule brings; returns the assessment of its worst
+// setting.
+sim::Stability apply_policy(const Schedule& schedule, sim::Model& model, sim::Scene& scene,
+                            const sim::SolverOptions& options);
+
+// What the schedule brings is refused before the first step, not in the middle of the run.
+void rehearse(const Schedule& schedule, sim::Model& model, sim::Scene& scene, sim::Solver& solver);
 
 }  // namespace viscera

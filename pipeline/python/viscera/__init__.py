@@ -1,0 +1,77 @@
+"""Soft-tissue simulation of segmented anatomy.
+
+    import viscera
+
+    mesh = viscera.read_mesh("out/demo/tetmesh/mesh.vtu")
+    sim = viscera.Simulation(mesh, "configs/scenes/drop.yaml")
+    sim.step(10)
+    sim.positions            # [n, 3] LPS mm
+
+A run gives the bits that `viscera-simulate` gives with the same mesh, scene and params. Lengths of
+meshes and positions are in mm, all else in SI units. Errors are `viscera.Error`.
+"""
+
+import contextlib
+import json
+import os
+import tempfile
+
+from . import _viscera
+from ._viscera import Error, TetMesh, __version__, read_mesh
+
+__all__ = ["Error", "Simulation", "TetMesh", "__version__", "read_mesh"]
+
+
+class Simulation(_viscera.Simulation):
+    """A body in a scene, frame by frame.
+
+    mesh: a TetMesh. scene: the path of a scene.yaml, or its content as a dict. params: those of
+    `viscera-simulate` by name, as in device="cuda", solver="fem", substeps=128, forces=True,
+    end="2 s", change={"materials.liver.E": "7 kPa"}, probes={"tip": {"point": ["0 mm", ...]}}.
+
+    Of one simulation one thread at a time may ask; different ones are independent. Long calls let
+    other threads run, and Ctrl-C ends them between two frames.
+
+    displacements, velocities: [n, 3] views of the state, m and m/s, not copied and not writable;
+        they stay as they are when the simulation goes on. positions: [n, 3], LPS mm.
+    time: s. frame: how many are done. frame_time: s. substeps: of a frame, as the scene's policy has
+        raised them. device, scheme: what it runs on, and how. state_hash: as in metrics.csv.
+    """
+
+    def __init__(self, mesh, scene, **params):
+        with _file_of(scene) as file:
+            super().__init__(mesh, file, params)
+
+    def step(self, frames=1):
+        """Goes on by whole frames."""
+        if frames < 0:
+            raise ValueError(f"frames: {frames}, allowed: 0 or more")
+        super().step(frames)
+
+    def run(self, progress=None):
+        """Goes on until the body rests or the scene's time (`end`) is over.
+
+        progress(frame, time_s, max_speed_m_s) is called after every frame. Returns a dict: `rested`,
+        `rest_time_s`, `divergence` (None, or why the run ended early) and `frames`, one dict a frame
+        with the columns of metrics.csv: pandas.DataFrame(result["frames"]).
+        """
+        return super().run(progress)
+
+    def diagnose(self):
+        """Energies (J), volume, smallest det F, inverted tets and speeds of now, by name."""
+        return super().diagnose()
+
+    def __repr__(self):
+        return f"<viscera.Simulation: t {self.time:.3f} s, {self.device}>"
+
+
+@contextlib.contextmanager
+def _file_of(scene):
+    """The path of a scene; one that is given as a dict stands in a file meanwhile."""
+    if not isinstance(scene, dict):
+        yield os.fspath(scene)
+        return
+    with tempfile.NamedTemporaryFile("w", prefix="scene-", suffix=".yaml") as file:
+        json.dump(scene, file)
+        file.flush()
+        yield file.name

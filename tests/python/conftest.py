@@ -1,0 +1,49 @@
+"""Bodies and scenes of the tests. They run on an installed wheel, beside the programs of BIN."""
+
+import os
+import pathlib
+
+import numpy as np
+import pytest
+import viscera
+
+PROGRAMS = pathlib.Path(os.environ.get("VISCERA_BIN", "build/bin"))
+
+
+def cube(cells=3, edge=50.0):
+    """Points (mm) and tets of a cube, six tets a cell (Kuhn)."""
+    n = cells + 1
+    points = np.array([[x, y, z] for z in range(n) for y in range(n) for x in range(n)], float)
+    tets = []
+    axes = [(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)]
+    for z in range(cells):
+        for y in range(cells):
+            for x in range(cells):
+                for k, order in enumerate(axes):
+                    corner = np.array([x, y, z])
+                    tet = [corner.copy()]
+                    for axis in order:
+                        corner = corner + np.eye(3, dtype=int)[axis]
+                        tet.append(corner)
+                    numbers = [(p[2] * n + p[1]) * n + p[0] for p in tet]
+                    if k >= 3:
+                        numbers[2], numbers[3] = numbers[3], numbers[2]
+                    tets.append(numbers)
+    return points * (edge / cells), np.array(tets, np.int32)
+
+
+def falling(**more):
+    """A scene of one material without obstacles."""
+    return {
+        "scene": 1,
+        "materials": {
+            "liver": {"E": "5 kPa", "nu": 0.45, "density": "1060 kg/m3", "damping": "20 ms"}
+        },
+        "effects": {"neo_hookean": None, "gravity": {}, "viscosity": None, **more},
+        "time": {"frame_rate": "60 Hz", "substeps": 32, "end": "0.5 s"},
+    }
+
+
+@pytest.fixture
+def mesh():
+    return viscera.TetMesh(*cube(), names={1: "liver"})
