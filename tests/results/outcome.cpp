@@ -83,7 +83,8 @@ void run_rows(std::vector<Row>& rows, unsigned side_by_side,
               const std::function<void()>& after_each) {
   std::vector<Row*> in_order;
   for (Row& row : rows) in_order.push_back(&row);
-  std::ranges::stable_partition(in_order, [](const Row* row) { return row->begins_first; });
+  std::stable_partition(in_order.begin(), in_order.end(),
+                        [](const Row* row) { return row->begins_first; });
   std::atomic<std::size_t> next = 0;
   std::mutex telling;
   const auto work = [&] {
