@@ -192,11 +192,13 @@ class Guarded {
   }
 
   py::array displacements() {
-    const auto state = simulation()->state();
+    const auto lock = alone();
+    const auto state = simulation_->state();
     return view_of<double>(state->u, keeper_of(state));
   }
   py::array velocities() {
-    const auto state = simulation()->state();
+    const auto lock = alone();
+    const auto state = simulation_->state();
     return view_of<double>(state->v, keeper_of(state));
   }
   py::array positions() {
@@ -235,13 +237,6 @@ class Guarded {
     if (!lock) throw std::runtime_error("another thread is stepping this simulation");
     return lock;
   }
-  // For a single call, whose result needs no lock.
-  Simulation* simulation() {
-    const auto lock = alone();
-    simulation_->state();
-    return simulation_.get();
-  }
-
   py::dict told(const Outcome& outcome) const {
     py::list frames;
     for (const ComputedFrame& frame : outcome.frames) {
