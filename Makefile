@@ -134,8 +134,8 @@ test-gpu: build $(OUT)/tetmesh/manifest.json ## the GPU tests on this machine; f
 PYTHON ?= /usr/bin/python3
 WHEEL = build/wheel
 
-wheel: | packages ## the Python package, build/wheel/dist/viscera-*.whl, for pip install; WHEEL_OPTIONS=-DVISCERA_CUDA=ON
-	@sh .ci/packages python
+wheel: ## the Python package, build/wheel/dist/viscera-*.whl, for pip install; WHEEL_OPTIONS=-DVISCERA_CUDA=ON
+	@sh .ci/packages run python
 	@cmake --preset wheel -DPython_EXECUTABLE=$(PYTHON) $(WHEEL_OPTIONS) >/dev/null
 	@ninja -C $(WHEEL) -j $(JOBS) viscera_python
 	@rm -rf $(WHEEL)/dist && $(PYTHON) -m build --wheel --no-isolation --outdir $(WHEEL)/dist $(WHEEL)/package >/dev/null

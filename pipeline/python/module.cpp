@@ -9,6 +9,7 @@
 #include <limits>
 #include <mutex>
 
+#include "pipeline/base/json_value.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/python/simulation.hpp"
 #include "stages/mesh/tet_io.hpp"
@@ -22,7 +23,10 @@ namespace {
 
 // As Python's own recursion, bounded: what is nested deeper refers to itself.
 Json json_of(const py::handle& value, int depth = 0) {
-  if (depth > 64) throw py::value_error("a value nested deeper than 64, or within itself");
+  if (depth > max_json_depth) {
+    throw py::value_error(
+        fmt::format("a value nested deeper than {}, or within itself", max_json_depth));
+  }
   if (value.is_none()) return nullptr;
   if (py::isinstance<py::bool_>(value)) return value.cast<bool>();
   if (py::isinstance<py::int_>(value)) return value.cast<std::int64_t>();
@@ -78,7 +82,7 @@ std::vector<std::array<int, columns>> whole_rows_of(const py::object& given, con
   std::vector<std::array<int, columns>> rows;
   for (const auto& row : rows_of<std::int64_t, columns>(array, what)) {
     std::ranges::transform(row, rows.emplace_back().begin(), [&](std::int64_t value) {
-      if (std::abs(value) <= most) return static_cast<int>(value);
+      if (value >= -most && value <= most) return static_cast<int>(value);
       throw py::value_error(fmt::format("{}: {}, allowed: up to {}", what, value, most));
     });
   }
@@ -173,6 +177,7 @@ class Guarded {
     const py::gil_scoped_release others_may_run;
     for (int k = 0; k < frames; ++k) {
       simulation_->step();
+      const py::gil_scoped_acquire held;
       look_for_signals();
     }
   }
@@ -183,8 +188,8 @@ class Guarded {
     {
       const py::gil_scoped_release others_may_run;
       outcome = simulation_->run([&progress](const ComputedFrame& frame) {
-        look_for_signals();
         const py::gil_scoped_acquire held;
+        look_for_signals();
         if (!progress.is_none()) progress(frame.index, frame.time_s, frame.now.max_speed);
       });
     }
@@ -228,7 +233,6 @@ class Guarded {
 
  private:
   static void look_for_signals() {
-    const py::gil_scoped_acquire held;
     if (PyErr_CheckSignals() != 0) throw py::error_already_set();
   }
 
@@ -237,6 +241,7 @@ class Guarded {
     if (!lock) throw std::runtime_error("another thread is stepping this simulation");
     return lock;
   }
+
   py::dict told(const Outcome& outcome) const {
     py::list frames;
     for (const ComputedFrame& frame : outcome.frames) {

@@ -33,7 +33,7 @@ void Simulation::prepare() {
 }
 
 void Simulation::step() {
-  forget_state();
+  state_.reset();
   translated(run_, [this] {
     const std::size_t next = schedule_->at(time_s());
     if (next != setting_) {
@@ -50,8 +50,14 @@ void Simulation::step() {
   });
 }
 
+// Of a run that was broken off, too.
+void Simulation::follow_solver() {
+  frame_ = static_cast<int>(solver_->state().step / scene().time.substeps);
+  setting_ = schedule_->at(time_s() - scene().time.frame_s);
+}
+
 Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep) {
-  forget_state();
+  state_.reset();
   FrameOptions frames{
       .keep = [&keep](const ComputedFrame& frame, const sim::State&) { keep(frame); },
       .method = options_.method,
@@ -62,14 +68,18 @@ Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep) {
     frames.tissue = sim::quadratic_forces(setup_.model);
   }
   Outcome outcome;
-  translated(run_, [&] {
-    outcome = run_frames(*solver_, setup_.model, setup_.file.scene, *schedule_, frames);
-  });
+  try {
+    translated(run_, [&] {
+      outcome = run_frames(*solver_, setup_.model, setup_.file.scene, *schedule_, frames);
+    });
+  } catch (...) {
+    follow_solver();
+    throw;
+  }
   if (outcome.frames.empty()) throw diverged(outcome.divergence);
-  frame_ = outcome.frames.back().index;
-  setting_ = schedule_->at(time_s() - scene().time.frame_s);
   // A device may have gone on.
   solver_->set_state(outcome.last);
+  follow_solver();
   return outcome;
 }
 

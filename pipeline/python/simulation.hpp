@@ -43,7 +43,7 @@ class Simulation {
 
  private:
   void prepare();
-  void forget_state() { state_.reset(); }
+  void follow_solver();
   Error diverged(const std::string& found) const;
 
   StageRun run_;

@@ -44,6 +44,7 @@ def test_arrays_of_another_shape_or_type_are_refused():
         (ValueError, "labels", (points, tets, np.ones(3, int))),
         (ValueError, "labels", (points, tets, np.full(len(tets), 65536))),
         (ValueError, "tets", (points, tets + np.int64(2**32))),
+        (ValueError, "tets", (points, tets.astype(np.uint64) + np.uint64(2**63))),
     ]
     for kind, name, arguments in wrong:
         with pytest.raises(kind, match=name):

@@ -147,6 +147,22 @@ def test_ctrl_c_ends_a_long_call_between_two_frames(mesh):
     assert sim.frame == frame + 1
 
 
+def test_a_run_that_is_broken_off_goes_on_from_its_last_frame(mesh):
+    whole = viscera.Simulation(mesh, falling())
+    whole.step(20)
+    sim = viscera.Simulation(mesh, falling())
+
+    def breaks_off(frame, time_s, speed):
+        if frame == 12:
+            raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        sim.run(progress=breaks_off)
+    assert sim.frame == 12
+    sim.step(8)
+    assert sim.state_hash == whole.state_hash
+
+
 def test_simulations_that_are_gone_leave_no_memory(mesh):
     def resident_kb():
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
