@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "sim/base/refusal.hpp"
-#include "sim/element_choice.hpp"
-#include "sim/make.hpp"
+#include "sim/equilibrium.hpp"
+#include "sim/solvers/solver.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -18,34 +18,6 @@ constexpr double enough = 1e-5;
 
 // Of a cell: how far inside of its border a support ends, beyond rounding.
 constexpr double noticed = 1e-6;
-
-Element element_of(const Scene& scene, int order) {
-  if (order == 2) return Element::quadratic;
-  return scene.has<SmoothedNeoHookean>() ? Element::smoothed : Element::linear;
-}
-
-// The scene with its Neo-Hookean tissue on other elements, and on all of them: tets that the
-// stability policy has given another law are the tissue's again.
-Scene with(Element element, const Model& model, Scene scene) {
-  std::erase_if(scene.params<Corotational>(), [](const auto& law) { return !law.only.empty(); });
-  set_element(scene.effects, element, model.largest_poisson_ratio());
-  return scene;
-}
-
-State equilibrium(const Model& model, const Scene& scene, const State& from, Element element,
-                  const std::function<void()>& pause_point) {
-  SolverOptions newton{.method = Method::fem};
-  newton.fem.time = FemOptions::Time::quasi_static;
-  newton.fem.tolerance = enough;
-  newton.fem.order = element == Element::quadratic ? 2 : 1;
-  newton.pause_point = pause_point;
-  const auto solver = make_on_cpu(model, with(element, model, scene), newton);
-  solver->set_state(from);
-  solver->advance_frame();
-  State state = solver->state();
-  state.step = from.step;
-  return state;
-}
 
 class Norms {
  public:
@@ -130,7 +102,7 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
   Equilibria all{.run = end.u};
   try {
     const auto find = [&](Element element, const State& from) {
-      return equilibrium(model, scene, from, element, pause_point);
+      return equilibrium(model, scene, from, element, enough, pause_point);
     };
     const Displacement none(end.u.size());
     const State still{end.u, none, end.step};
@@ -144,7 +116,8 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     if (const auto other = other_supports(model, scene)) {
       // What is led now and was not before would have to jump: that begins from the body at rest.
       const State start = other->narrower ? smoothed : State{none, none, end.step};
-      all.elsewhere = equilibrium(model, other->scene, start, Element::smoothed, pause_point).u;
+      all.elsewhere =
+          equilibrium(model, other->scene, start, Element::smoothed, enough, pause_point).u;
       all.share = other->share;
     }
     all.own = own == Element::linear      ? all.linear

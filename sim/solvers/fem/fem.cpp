@@ -92,7 +92,7 @@ std::vector<double> times(double factor, std::vector<double> numbers) {
   return numbers;
 }
 
-class FemSolver final : public Solver {
+class FemSolver final : public Solver, public FemRest {
  public:
   FemSolver(const Model& model, const Scene& scene, const SolverOptions& options)
       : options_(checked(options.fem)),
@@ -186,6 +186,33 @@ class FemSolver final : public Solver {
     return count;
   }
   std::string device() const override { return "cpu, 1 thread"; }
+
+  std::vector<Vec3<double>> places() const override {
+    NodeField at = u_;
+    const NodeField way = moves(end_of_frame(), 1.0);
+    for (std::size_t i = 0; i < at.size(); ++i) at[i] += way[i];
+    return at;
+  }
+  bool is_free(int node) const override { return system_.is_free(node); }
+  bool touches_obstacles() const override { return contact_count() > 0; }
+  std::vector<Vec3<double>> forces() override {
+    FemForces all(u_.size());
+    at_rest([&](const FemFields& fields) {
+      for (const auto& term : terms_) term->add_forces(fields, all);
+    });
+    return all.sum;
+  }
+  std::vector<Vec3<double>> moved_by(const std::vector<Vec3<double>>& forces) override {
+    NodeField step;
+    bool solved = false;
+    at_rest([&](const FemFields& fields) {
+      system_.begin(forces, NodeField(u_.size()));
+      for (const auto& term : terms_) term->add_tangent(fields, Tangent::exact, system_);
+      solved = system_.solve(options_.tolerance, step);
+    });
+    if (!solved) throw Diverged("no stable equilibrium: the body would give way");
+    return step;
+  }
 
  private:
   // Large enough for few rounds of multipliers, small enough for the condition of the system.
@@ -452,8 +479,7 @@ class FemSolver final : public Solver {
   // Goes the whole way at once, or in steps that are halved until each has a solution. Only the
   // first frame's loads are new; later ones only move vertices.
   void find_equilibrium() {
-    const Step<double> step{program_.dt * program_.substeps,
-                            static_cast<double>(step_ + program_.substeps) * program_.dt};
+    const Step<double> step{program_.dt * program_.substeps, end_of_frame()};
     constexpr double smallest = 1.0 / 1024.0;
     const bool loading = step_ == 0;
     const NodeField acceleration = accelerations();
@@ -483,6 +509,21 @@ class FemSolver final : public Solver {
       }
     }
     step_ += program_.substeps;
+  }
+
+  double end_of_frame() const {
+    return static_cast<double>(step_ + program_.substeps) * program_.dt;
+  }
+  // work(fields) at places(), with all loads on.
+  template <class Work>
+  void at_rest(const Work& work) {
+    const Step<double> step{program_.dt * program_.substeps, end_of_frame()};
+    const NodeField d = moves(step.time, 1.0);
+    const FemFields fields{u_, d, step};
+    mass_->set_load(accelerations(), 1.0);
+    for (const auto& term : terms_) term->begin_step(fields);
+    work(fields);
+    for (const auto& term : terms_) term->undo_step();
   }
 
   // A body that another solver has brought to rest is held by its contacts: without them it would
@@ -561,6 +602,13 @@ class FemSolver final : public Solver {
 std::unique_ptr<Solver> make_fem(const Model& model, const Scene& scene,
                                  const SolverOptions& options) {
   return std::make_unique<FemSolver>(model, scene, options);
+}
+
+std::unique_ptr<FemRest> make_fem_rest(const Model& model, const Scene& scene,
+                                       const SolverOptions& options, const State& state) {
+  auto rest = std::make_unique<FemSolver>(model, scene, options);
+  rest->set_state(state);
+  return rest;
 }
 
 }  // namespace viscera::sim
