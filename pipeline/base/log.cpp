@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -16,8 +17,9 @@ namespace {
 Format format_ = Format::text;
 Level lowest_ = Level::info;
 std::string name_ = "viscera";
-bool bar_drawn_ = false;
+std::atomic<bool> bar_drawn_ = false;
 volatile std::sig_atomic_t signalled_ = 0;
+std::function<void()> ask_;
 
 constexpr std::string_view level_names[] = {"info", "warn", "error"};
 
@@ -65,6 +67,7 @@ void write(Level level, std::string_view message) {
 
 void progress(std::string_view task, double fraction, std::string_view detail) {
   check_interrupt();
+  if (lowest_ > Level::info) return;
   using Clock = std::chrono::steady_clock;
   static std::string last_task;
   static int last_tenth = -1;
@@ -83,7 +86,6 @@ void progress(std::string_view task, double fraction, std::string_view detail) {
   if (!due && !(fraction >= 1.0 && tenth != last_tenth)) return;
   last_tenth = tenth;
   last_drawn = Clock::now();
-  if (lowest_ > Level::info) return;
   if (format_ == Format::json) {
     put_json({{"progress", fraction}, {"task", task}, {"detail", detail}});
   } else if (terminal) {
@@ -115,7 +117,12 @@ bool interrupted() {
   return signalled_ != 0;
 }
 
+void ask_for_interrupts(std::function<void()> check) {
+  ask_ = std::move(check);
+}
+
 void check_interrupt() {
+  if (ask_) ask_();
   if (interrupted()) throw Error(ExitCode::interrupted, {.found = "interrupted"});
 }
 

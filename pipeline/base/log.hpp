@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -42,5 +43,8 @@ void clear_progress();
 void catch_interrupts();
 bool interrupted();
 void check_interrupt();
+// In a program that handles signals itself check_interrupt() calls `check`, which throws what is to
+// end the work. To be set before there is any.
+void ask_for_interrupts(std::function<void()> check);
 
 }  // namespace viscera::log

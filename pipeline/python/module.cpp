@@ -1,109 +1,19 @@
 // The module viscera._viscera. What users read of it is in viscera/__init__.py.
 #include <pybind11/functional.h>
-#include <pybind11/numpy.h>
-#include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
-#include <algorithm>
 #include <limits>
 #include <mutex>
 
-#include "pipeline/base/json_value.hpp"
 #include "pipeline/base/log.hpp"
+#include "pipeline/python/arrays.hpp"
 #include "pipeline/python/simulation.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
-#include "stages/simulate/probes.hpp"
-
-namespace py = pybind11;
 
 namespace viscera::python {
 namespace {
-
-// As Python's own recursion, bounded: what is nested deeper refers to itself.
-Json json_of(const py::handle& value, int depth = 0) {
-  if (depth > max_json_depth) {
-    throw py::value_error(
-        fmt::format("a value nested deeper than {}, or within itself", max_json_depth));
-  }
-  if (value.is_none()) return nullptr;
-  if (py::isinstance<py::bool_>(value)) return value.cast<bool>();
-  if (py::isinstance<py::int_>(value)) return value.cast<std::int64_t>();
-  if (py::isinstance<py::float_>(value)) return value.cast<double>();
-  if (py::isinstance<py::str>(value)) return value.cast<std::string>();
-  if (py::isinstance<py::dict>(value)) {
-    Json object = Json::object();
-    for (const auto& [name, member] : value.cast<py::dict>()) {
-      object[py::str(name).cast<std::string>()] = json_of(member, depth + 1);
-    }
-    return object;
-  }
-  if (py::isinstance<py::sequence>(value)) {
-    Json list = Json::array();
-    for (const auto& item : value.cast<py::sequence>()) list.push_back(json_of(item, depth + 1));
-    return list;
-  }
-  throw py::type_error("neither text, number, flag, list nor dict: " +
-                       py::repr(value).cast<std::string>());
-}
-
-// `what` is said of what is no array.
-template <class T>
-auto array_of(const py::object& given, const char* what) {
-  auto array = py::array_t<T, py::array::c_style | py::array::forcecast>::ensure(given);
-  if (!array) throw py::type_error(fmt::format("{}: allowed: an array of numbers", what));
-  return array;
-}
-
-// [rows][columns] of an array, whatever its order and type; `what` is said of another shape.
-template <class T, std::size_t columns>
-std::vector<std::array<T, columns>> rows_of(const py::object& given, const char* what) {
-  const auto array = array_of<T>(given, what);
-  if (array.ndim() != 2 || array.shape(1) != static_cast<py::ssize_t>(columns)) {
-    throw py::value_error(fmt::format("{}: shape {}, allowed: (n, {})", what,
-                                      py::repr(array.attr("shape")).template cast<std::string>(),
-                                      columns));
-  }
-  const auto* const first = reinterpret_cast<const std::array<T, columns>*>(array.data());
-  return {first, first + array.shape(0)};
-}
-
-// [rows][columns] of whole numbers of at most `most`, of any such type; negative ones are for
-// others to refuse.
-template <std::size_t columns>
-std::vector<std::array<int, columns>> whole_rows_of(const py::object& given, const char* what,
-                                                    std::int64_t most) {
-  const py::object array = py::module_::import("numpy").attr("asarray")(given);
-  const std::string kind = array.attr("dtype").attr("kind").cast<std::string>();
-  if (kind != "i" && kind != "u" && kind != "b") {
-    throw py::type_error(fmt::format("{}: allowed: an array of whole numbers", what));
-  }
-  std::vector<std::array<int, columns>> rows;
-  for (const auto& row : rows_of<std::int64_t, columns>(array, what)) {
-    std::ranges::transform(row, rows.emplace_back().begin(), [&](std::int64_t value) {
-      if (value >= -most && value <= most) return static_cast<int>(value);
-      throw py::value_error(fmt::format("{}: {}, allowed: up to {}", what, value, most));
-    });
-  }
-  return rows;
-}
-
-// One number a tet.
-template <class T>
-std::vector<T> numbers_of(const py::object& given, const char* what, std::size_t tets,
-                          std::int64_t most) {
-  const py::object array = py::module_::import("numpy").attr("asarray")(given);
-  if (array.attr("ndim").cast<int>() != 1 || py::len(array) != tets) {
-    throw py::value_error(fmt::format("{}: shape {}, allowed: ({},), one a tet", what,
-                                      py::repr(array.attr("shape")).cast<std::string>(), tets));
-  }
-  std::vector<T> numbers;
-  for (const auto& [number] : whole_rows_of<1>(array.attr("reshape")(-1, 1), what, most)) {
-    numbers.push_back(static_cast<T>(number));
-  }
-  return numbers;
-}
 
 NamedMesh mesh_of(const py::object& points, const py::object& tets, const py::object& labels,
                   const std::map<int, std::string>& names, const py::dict& regions) {
@@ -111,58 +21,44 @@ NamedMesh mesh_of(const py::object& points, const py::object& tets, const py::ob
   TetMesh& mesh = named.mesh;
   mesh.points = rows_of<double, 3>(points, "points");
   mesh.tets = whole_rows_of<4>(tets, "tets", std::numeric_limits<int>::max());
-  mesh.labels = labels.is_none() ? std::vector<int>(mesh.tets.size(), 1)
-                                 : numbers_of<int>(labels, "labels", mesh.tets.size(), max_label);
-  for (const int label : mesh.labels) {
-    if (mesh.label_names.contains(label)) continue;
-    const auto known = names.find(label);
-    mesh.label_names[label] = known != names.end() ? known->second : fmt::format("label_{}", label);
-  }
+  mesh.labels = labels.is_none()
+                    ? std::vector<int>(mesh.tets.size(), 1)
+                    : numbers_of<int>(labels, "labels", mesh.tets.size(), "tet", max_label);
+  mesh.label_names = names_for(mesh.labels, names);
   for (const auto& [name, inside] : regions) {
     mesh.regions[py::str(name).cast<std::string>()] = numbers_of<char>(
-        py::reinterpret_borrow<py::object>(inside), "regions", mesh.tets.size(), 1);
+        py::reinterpret_borrow<py::object>(inside), "regions", mesh.tets.size(), "tet", 1);
   }
   return named;
 }
 
-// A view of what `owner` holds, which lives as long as the view: [rows][columns] of T, not to be
-// written to.
-template <class T, class Row>
-py::array view_of(const std::vector<Row>& rows, const py::object& owner) {
-  constexpr auto columns = static_cast<py::ssize_t>(sizeof(Row) / sizeof(T));
-  std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(rows.size())};
-  if (columns > 1) shape.push_back(columns);
-  py::array_t<T> view(shape, reinterpret_cast<const T*>(rows.data()), owner);
-  view.attr("setflags")(py::arg("write") = false);
-  return view;
+// One view a name.
+template <class T>
+py::dict views_of(const std::map<std::string, std::vector<T>>& arrays, const py::object& owner) {
+  py::dict views;
+  for (const auto& [name, values] : arrays) views[py::str(name)] = view_of<T>(values, owner);
+  return views;
+}
+py::dict cell_data_of(const py::object& self) {
+  return views_of(self.cast<const NamedMesh&>().mesh.cell_data, self);
+}
+py::dict regions_of(const py::object& self) {
+  py::dict views = views_of(self.cast<const NamedMesh&>().mesh.regions, self);
+  for (const auto& [name, inside] : views) views[name] = inside.attr("view")("bool");
+  return views;
 }
 
-py::object keeper_of(std::shared_ptr<const sim::State> state) {
-  using Kept = std::shared_ptr<const sim::State>;
-  return py::capsule(new Kept(std::move(state)),
+template <class Owned>
+py::object keeper_of(std::shared_ptr<const Owned> owned) {
+  using Kept = std::shared_ptr<const Owned>;
+  return py::capsule(new Kept(std::move(owned)),
                      [](void* kept) { delete static_cast<Kept*>(kept); });
 }
 
-// By the names of the columns of metrics.csv.
-void put(const sim::Diagnostics& now, py::dict& into) {
-  constexpr double m3_to_ml = 1e6;
-  into["kinetic_J"] = now.kinetic;
-  into["elastic_J"] = now.elastic;
-  into["gravity_J"] = now.gravity;
-  into["total_J"] = now.total();
-  into["volume_ml"] = m3_to_ml * now.volume;
-  into["volume_ratio"] = now.volume_ratio;
-  into["min_J"] = now.min_j;
-  into["inverted"] = now.inverted;
-  into["max_speed_m_s"] = now.max_speed;
-  into["rms_speed_m_s"] = now.rms_speed;
-}
-
-void put(const sim::Vec3<double>& point, const std::string& name, const char* unit,
-         py::dict& into) {
-  into[py::str(fmt::format("{}_x_{}", name, unit))] = point.x;
-  into[py::str(fmt::format("{}_y_{}", name, unit))] = point.y;
-  into[py::str(fmt::format("{}_z_{}", name, unit))] = point.z;
+// None where it is not known.
+py::object object_of(const std::optional<FrameValue>& value) {
+  if (!value) return py::none();
+  return std::visit([](const auto& known) -> py::object { return py::cast(known); }, *value);
 }
 
 // A simulation, one thread at a time.
@@ -221,9 +117,60 @@ class Guarded {
   }
   py::dict diagnose() {
     const auto lock = alone();
+    const sim::Diagnostics state = simulation_->diagnose();
     py::dict now;
-    put(simulation_->diagnose(), now);
+    for (const StateColumn& column : state_columns())
+      now[column.name] = object_of(column.value(state));
     return now;
+  }
+  // [tets][3][3] Pa, symmetric.
+  py::array stress() {
+    const auto lock = alone();
+    std::vector<sim::Strained> tets;
+    {
+      const py::gil_scoped_release others_may_run;
+      tets = simulation_->strained();
+    }
+    py::array_t<double> all(
+        {static_cast<py::ssize_t>(tets.size()), py::ssize_t{3}, py::ssize_t{3}});
+    auto entry = all.mutable_unchecked<3>();
+    for (py::ssize_t t = 0; t < entry.shape(0); ++t) {
+      const sim::Mat3<double> cauchy = sim::full(tets[t].cauchy);
+      for (int c = 0; c < 3; ++c) {
+        const auto& column = cauchy.col[c];
+        entry(t, 0, c) = column.x, entry(t, 1, c) = column.y, entry(t, 2, c) = column.z;
+      }
+    }
+    return all;
+  }
+  // [vertices][3] N.
+  py::array forces() {
+    const auto lock = alone();
+    auto found = std::make_shared<std::vector<sim::Vec3<double>>>();
+    {
+      const py::gil_scoped_release others_may_run;
+      *found = simulation_->forces();
+    }
+    return view_of<double>(*found, keeper_of<std::vector<sim::Vec3<double>>>(found));
+  }
+  py::dict gradient(const py::object& by_displacement, const std::vector<std::string>& names) {
+    const auto lock = alone();
+    std::vector<sim::Vec3<double>> slope;
+    for (const auto& [x, y, z] : rows_of<double, 3>(by_displacement, "by_displacement")) {
+      slope.push_back({x, y, z});
+    }
+    if (const std::size_t n = simulation_->body().vertex_count(); slope.size() != n) {
+      throw py::value_error(
+          fmt::format("by_displacement: {} rows, allowed: {}, one a vertex", slope.size(), n));
+    }
+    std::vector<double> found;
+    {
+      const py::gil_scoped_release others_may_run;
+      found = simulation_->gradient(slope, names);
+    }
+    py::dict gradient;
+    for (std::size_t k = 0; k < names.size(); ++k) gradient[py::str(names[k])] = found[k];
+    return gradient;
   }
   std::string state_hash() {
     const auto lock = alone();
@@ -243,22 +190,12 @@ class Guarded {
   }
 
   py::dict told(const Outcome& outcome) const {
+    const std::vector<FrameColumn> columns = simulation_->columns(outcome);
     py::list frames;
     for (const ComputedFrame& frame : outcome.frames) {
       py::dict row;
-      row["frame"] = frame.index;
-      row["time_s"] = frame.time_s;
-      put(frame.now, row);
-      row["contacts"] = frame.contacts;
-      row["state_hash"] = fmt::format("{:016x}", frame.state_hash);
-      for (std::size_t k = 0; k < frame.forces.size(); ++k) {
-        put(frame.forces[k].force, "force_" + outcome.exerting[k], "N", row);
-        put(frame.forces[k].moment, "moment_" + outcome.exerting[k], "N_m", row);
-      }
-      const auto& probes = simulation_->probes();
-      for (std::size_t k = 0; k < probes.size(); ++k) {
-        put(place_mm(simulation_->body(), probes[k], frame.probes[k]), "probe_" + probes[k].name,
-            "mm", row);
+      for (const FrameColumn& column : columns) {
+        row[py::str(column.name)] = object_of(column.value(frame));
       }
       frames.append(row);
     }
@@ -301,7 +238,9 @@ void define_error(py::module_& module) {
 }
 
 void define_mesh(py::module_& module) {
-  py::class_<NamedMesh>(module, "TetMesh")
+  py::class_<NamedMesh> mesh_class(module, "TetMesh");
+  define_said(mesh_class);
+  mesh_class
       .def(py::init(&mesh_of), py::arg("points"), py::arg("tets"), py::arg("labels") = py::none(),
            py::arg("names") = std::map<int, std::string>(), py::arg("regions") = py::dict())
       .def_property_readonly("points",
@@ -318,6 +257,8 @@ void define_mesh(py::module_& module) {
                                return view_of<int>(self.cast<const NamedMesh&>().mesh.labels, self);
                              })
       .def_property_readonly("names", [](const NamedMesh& mesh) { return mesh.mesh.label_names; })
+      .def_property_readonly("cell_data", &cell_data_of)
+      .def_property_readonly("regions", &regions_of)
       .def("__repr__", [](const NamedMesh& mesh) {
         return fmt::format("<viscera.TetMesh: {} tets, {} vertices>", mesh.mesh.tets.size(),
                            mesh.mesh.points.size());
@@ -325,7 +266,7 @@ void define_mesh(py::module_& module) {
   module.def(
       "read_mesh",
       [](const std::filesystem::path& file) {
-        return NamedMesh{read_vtu(file), file.string()};
+        return NamedMesh{.mesh = read_vtu(file), .name = file.string()};
       },
       py::arg("file"), py::call_guard<py::gil_scoped_release>());
 }
@@ -341,9 +282,12 @@ void define_simulation(py::module_& module) {
       .def("step", &Guarded::step, py::arg("frames") = 1)
       .def("run", &Guarded::run, py::arg("progress") = py::none())
       .def("diagnose", &Guarded::diagnose)
+      .def("gradient", &Guarded::gradient)
       .def_property_readonly("displacements", &Guarded::displacements)
       .def_property_readonly("velocities", &Guarded::velocities)
       .def_property_readonly("positions", &Guarded::positions)
+      .def_property_readonly("stress", &Guarded::stress)
+      .def_property_readonly("forces", &Guarded::forces)
       .def_property_readonly("state_hash", &Guarded::state_hash)
       .def_property_readonly("time", [](const Guarded& self) { return self.read().time_s(); })
       .def_property_readonly("frame", [](const Guarded& self) { return self.read().frame(); })

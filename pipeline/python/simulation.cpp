@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
-#include "sim/solvers/fem/quadratic_forces.hpp"
-#include "sim/solvers/time_rule.hpp"
+#include "sim/measures/forces.hpp"
+#include "sim/sensitivity.hpp"
 #include "stages/simulate/probes.hpp"
+#include "stages/simulate/scene/scene_number.hpp"
 #include "stages/simulate/solver_choice.hpp"
 #include "stages/simulate/stage.hpp"
+#include "stages/simulate/stress_file.hpp"
 
 namespace viscera::python {
 
@@ -30,6 +32,7 @@ void Simulation::prepare() {
   apply_policy(*schedule_, model, scene, options_);
   solver_ = choose_solver(run_, model, scene, options_);
   rehearse(*schedule_, model, scene, *solver_);
+  if (options_.method == sim::Method::tled) watch_.emplace(model, scene);
 }
 
 void Simulation::step() {
@@ -47,6 +50,8 @@ void Simulation::step() {
       throw diverged(end.what());
     }
     ++frame_;
+    if (!watch_) return;
+    if (const std::string why = (*watch_)(*state()); !why.empty()) throw diverged(why);
   });
 }
 
@@ -58,15 +63,10 @@ void Simulation::follow_solver() {
 
 Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep) {
   state_.reset();
-  FrameOptions frames{
-      .keep = [&keep](const ComputedFrame& frame, const sim::State&) { keep(frame); },
-      .method = options_.method,
-      .forces = run_.param<bool>("forces"),
-      .acts_s = sim::acting_time(scene().time.substep_s(), sim::order_of(scene(), options_)),
-      .probes = probes_};
-  if (setup_.file.element == sim::Element::quadratic) {
-    frames.tissue = sim::quadratic_forces(setup_.model);
-  }
+  FrameOptions frames = frame_options(run_, setup_.file, setup_.model, options_);
+  frames.keep = [&keep](const ComputedFrame& frame, const sim::State&) { keep(frame); };
+  frames.probes = probes_;
+  if (watch_) frames.objects = std::ref(*watch_);
   Outcome outcome;
   try {
     translated(run_, [&] {
@@ -94,6 +94,52 @@ std::shared_ptr<const sim::State> Simulation::state() {
 
 sim::Diagnostics Simulation::diagnose() {
   return solver_->diagnose(body(), scene(), *state());
+}
+
+std::vector<sim::Strained> Simulation::strained() {
+  check_stress(run_, scene(), options_.method);
+  const int order = setup_.file.element == sim::Element::quadratic ? 2 : 1;
+  return sim::stress_field(body(), scene(), *state(), order).tets;
+}
+
+std::vector<sim::Vec3<double>> Simulation::forces() {
+  std::vector<sim::Vec3<double>> found;
+  translated(run_, [&] { found = sim::element_forces(body(), scene(), *state()); });
+  return found;
+}
+
+std::vector<double> Simulation::gradient(const std::vector<sim::Vec3<double>>& by_displacement,
+                                         const std::vector<std::string>& names) {
+  const std::string where = run_.input("scene").string();
+  std::vector<double> gradient;
+  translated(run_, [&] {
+    for (SceneFile file = setup_.file; const std::string& name : names) {
+      scene_number(file, name, where);  // refused before anything is computed
+    }
+    try {
+      const sim::Sensitivity sensitivity(body(), scene(), *state(),
+                                         setup_.file.element.value_or(sim::Element::linear),
+                                         by_displacement, [] {});
+      for (const std::string& name : names) {
+        const auto changed_by = [&](double sign) {
+          SceneFile file = setup_.file;
+          const auto [value, step] = scene_number(file, name, where);
+          value += sign * step;
+          return file;
+        };
+        SceneFile unchanged = setup_.file;
+        const double step = scene_number(unchanged, name, where).step;
+        const SceneFile less = changed_by(-1.0), more = changed_by(1.0);
+        const sim::Model body_less = body_of(run_, less, setup_.mesh),
+                         body_more = body_of(run_, more, setup_.mesh);
+        gradient.push_back(sensitivity.between({body_less, less.scene}, {body_more, more.scene}) /
+                           (2.0 * step));
+      }
+    } catch (const sim::Diverged& end) {
+      throw diverged(end.what());
+    }
+  });
+  return gradient;
 }
 
 Error Simulation::diverged(const std::string& found) const {

@@ -5,16 +5,14 @@
 #include <functional>
 #include <memory>
 
+#include "pipeline/python/named_mesh.hpp"
+#include "sim/solvers/fem/stress_field.hpp"
+#include "stages/simulate/explicit_watch.hpp"
+#include "stages/simulate/frame_columns.hpp"
 #include "stages/simulate/frame_loop.hpp"
 #include "stages/simulate/setup.hpp"
 
 namespace viscera::python {
-
-// A mesh, and what errors call it: its file, or "mesh".
-struct NamedMesh {
-  TetMesh mesh;
-  std::string name = "mesh";
-};
 
 class Simulation {
  public:
@@ -32,6 +30,16 @@ class Simulation {
   // simulation goes on.
   std::shared_ptr<const sim::State> state();
   sim::Diagnostics diagnose();
+  // [tets], of now. Throws Error(bad_config) where nothing says which stresses there are.
+  std::vector<sim::Strained> strained();
+  // [vertices] N, of now: what the elements do to them.
+  std::vector<sim::Vec3<double>> forces();
+
+  // dJ/dp of a quantity J of the body in the equilibrium near its state, for each name of a number
+  // of the scene (scene_number.hpp), SI; dJ/du is [vertices], 1/m. Throws Error for scenes whose
+  // gradients are not exact (sim/sensitivity.hpp), and Error(diverged) without an equilibrium.
+  std::vector<double> gradient(const std::vector<sim::Vec3<double>>& by_displacement,
+                               const std::vector<std::string>& names);
 
   const sim::Model& body() const { return setup_.model; }
   const sim::Scene& scene() const { return setup_.file.scene; }
@@ -40,6 +48,9 @@ class Simulation {
   std::string device() const { return solver_->device(); }
   std::string scheme() const { return scheme_; }
   const std::vector<sim::Probe>& probes() const { return probes_; }
+  std::vector<FrameColumn> columns(const Outcome& outcome) const {
+    return frame_columns(body(), probes_, outcome.exerting);
+  }
 
  private:
   void prepare();
@@ -53,6 +64,7 @@ class Simulation {
   sim::SolverOptions options_;
   std::string scheme_;
   std::unique_ptr<sim::Solver> solver_;
+  std::optional<ExplicitWatch> watch_;       // explicit dynamics only
   std::shared_ptr<const sim::State> state_;  // null: not asked for since the last frame
   int frame_ = 0;
   std::size_t setting_ = 0;  // of the schedule

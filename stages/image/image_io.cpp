@@ -273,6 +273,20 @@ ReadImage read_image(const fs::path& path) {
   return result;
 }
 
+Frame as_read_back(Frame frame) {
+  for (int a = 0; a < 3; ++a) {
+    std::array<double, 3> axis;
+    double squared = 0.0;
+    for (int r = 0; r < 3; ++r) {
+      axis[r] = frame.spacing[a] * frame.direction[3 * r + a];
+      squared += axis[r] * axis[r];
+    }
+    frame.spacing[a] = std::sqrt(squared);
+    for (int r = 0; r < 3; ++r) frame.direction[3 * r + a] = (1.0 / frame.spacing[a]) * axis[r];
+  }
+  return frame;
+}
+
 std::optional<std::size_t> voxel_at(const Frame& frame, const std::array<double, 3>& lps) {
   const auto p = frame.from_lps(lps);
   std::array<int, 3> at{};

@@ -54,6 +54,10 @@ std::optional<std::size_t> voxel_at(const Frame& frame, const std::array<double,
 // Deterministic bytes.
 void write_nrrd(const std::filesystem::path& path, const LabelImage& image);
 
+// The frame that read_image gives of the file that write_nrrd makes of this one, whose axes must be
+// orthonormal: files hold the product of spacing and direction, which rounds.
+Frame as_read_back(Frame frame);
+
 // The same for numbers: int16 when each is whole and fits (Hounsfield units), otherwise float32.
 void write_nrrd(const std::filesystem::path& path, const ScalarImage& image);
 

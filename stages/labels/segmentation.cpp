@@ -21,8 +21,8 @@ std::vector<std::vector<Run>> runs_by_value(const std::vector<std::uint16_t>& vo
   return runs;
 }
 
-void drop_empty(Segmentation& segmentation) {
-  std::erase_if(segmentation.segments, [](const Segment& s) { return s.runs.empty(); });
+std::string unnamed(int value) {
+  return fmt::format("label_{}", value);
 }
 
 Segmentation from_volume(const fs::path& path) {
@@ -48,7 +48,7 @@ Segmentation from_volume(const fs::path& path) {
                         "values that a SegmentN_LabelValue of the header names",
                         "save the segmentation again");
       }
-      result.segments.push_back({value, fmt::format("label_{}", value), std::move(runs[value])});
+      result.segments.push_back({value, unnamed(value), std::move(runs[value])});
     }
   }
   return result;
@@ -128,10 +128,10 @@ Segmentation join(const std::vector<fs::path>& paths, std::vector<Segmentation> 
     check_same_grid(paths[p], parts[p].frame, result.frame);
     if (parts[p].notes.repair.shift_mm > result.notes.repair.shift_mm)
       result.notes.repair = parts[p].notes.repair;
-    const bool unnamed =
+    const bool named_by_file =
         parts[p].segments.size() == 1 && parts[p].segments[0].name.starts_with("label_");
     for (auto& segment : parts[p].segments) {
-      if (unnamed) segment.name = stem(paths[p]);
+      if (named_by_file) segment.name = stem(paths[p]);
       segment.id = static_cast<int>(result.segments.size()) + 1;
       result.segments.push_back(std::move(segment));
     }
@@ -166,23 +166,34 @@ Segmentation read_source(const fs::path& path) {
   return from_planes(path, std::move(file.planes), file.segments);
 }
 
+Segmentation only_filled(const fs::path& called, Segmentation segmentation) {
+  auto& segments = segmentation.segments;
+  std::erase_if(segments, [](const Segment& s) { return s.runs.empty(); });
+  std::stable_sort(segments.begin(), segments.end(),
+                   [](const Segment& a, const Segment& b) { return a.id < b.id; });
+  if (!segments.empty()) return segmentation;
+  throw bad_image(called, "voxel values", "all zero", "at least one labelled voxel",
+                  "give the segmentation of this patient");
+}
+
 }  // namespace
 
 Segmentation read_segmentation(const std::vector<fs::path>& sources) {
-  Segmentation result;
-  if (sources.size() == 1) {
-    result = read_source(sources.front());
-  } else {
-    std::vector<Segmentation> parts;
-    for (const auto& source : sources) parts.push_back(read_source(source));
-    result = join(sources, std::move(parts));
+  std::vector<Segmentation> parts;
+  for (const auto& source : sources) parts.push_back(read_source(source));
+  return only_filled(sources.front(), sources.size() == 1 ? std::move(parts.front())
+                                                          : join(sources, std::move(parts)));
+}
+
+Segmentation segmentation_of(const LabelImage& image, const fs::path& called) {
+  Segmentation result{.frame = image.frame};
+  auto runs = runs_by_value(image.voxels);
+  for (int value = 1; value <= max_label_id; ++value) {
+    const auto name = image.names.find(value);
+    result.segments.push_back(
+        {value, name == image.names.end() ? unnamed(value) : name->second, std::move(runs[value])});
   }
-  drop_empty(result);
-  std::stable_sort(result.segments.begin(), result.segments.end(),
-                   [](const Segment& a, const Segment& b) { return a.id < b.id; });
-  if (!result.segments.empty()) return result;
-  throw bad_image(sources.front(), "voxel values", "all zero", "at least one labelled voxel",
-                  "give the segmentation of this patient");
+  return only_filled(called, std::move(result));
 }
 
 LabelImage paint(const Segmentation& segmentation, const std::vector<Material>& materials,

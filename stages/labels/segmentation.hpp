@@ -37,6 +37,10 @@ struct Segmentation {
 // Throws Error(bad_input) naming file and field; an empty segmentation is one.
 Segmentation read_segmentation(const std::vector<std::filesystem::path>& sources);
 
+// The same of a volume in memory: a segment per value, under its name or label_N. Errors call it
+// `called`.
+Segmentation segmentation_of(const LabelImage& image, const std::filesystem::path& called);
+
 // The ids that make up one material; the first is its id from here on.
 struct Material {
   std::string name;

@@ -251,6 +251,16 @@ void clean(StageRun& run, LabelImage& body, std::size_t min_voxels) {
 
 void run_labels(StageRun& run) {
   const auto segmentation = read_segmentation(run.inputs("volume"));
+  const auto [image, labels] = clean_labels(run, segmentation);
+  write_nrrd(run.out("labels.nrrd"), image);
+  if (run.has_input("image")) pass_on_image(run, image, segmentation.frame_of_reference);
+  write_atomically(run.out("labels.json"),
+                   Json{{"labels", labels}, {"frame", frame_json(image.frame)}}.dump(1) + "\n");
+}
+
+}  // namespace
+
+CleanLabels clean_labels(StageRun& run, const Segmentation& segmentation) {
   const ImageNotes& notes = segmentation.notes;
   if (notes.repair.shift_mm > 0.0) {
     log::warn("{}: axes made orthonormal, which moved the corners by up to {:.3g} mm",
@@ -285,26 +295,20 @@ void run_labels(StageRun& run) {
   }
   report_bridges(run, body, min_voxels);
   const auto cuts = cuts_of_kept(std::move(image), body, offset);
-  const LabelImage result =
-      crop(body, margin_voxels(body.frame, run.param<double>("pad")), padding);
-
-  const Json labels = describe_labels(result, materials, cuts);
-  write_nrrd(run.out("labels.nrrd"), result);
-  if (run.has_input("image")) pass_on_image(run, result, segmentation.frame_of_reference);
-  write_atomically(run.out("labels.json"),
-                   Json{{"labels", labels}, {"frame", frame_json(result.frame)}}.dump(1) + "\n");
-  for (const auto& label : labels) {
+  CleanLabels result;
+  result.image = crop(body, margin_voxels(body.frame, run.param<double>("pad")), padding);
+  result.labels = describe_labels(result.image, materials, cuts);
+  for (const auto& label : result.labels) {
     log::info("{} (id {}): {:.2f} ml, components: {}", label["name"].get<std::string>(),
               label["id"].get<int>(), label["ml"].get<double>(), label["components"].get<int>());
   }
-  run.metric("labels", labels);
+  run.metric("labels", result.labels);
   run.metric("pixel_type", notes.pixel_type);
   run.metric("frame_skew", notes.repair.skew);
   run.metric("frame_shift", notes.repair.shift_mm, "mm");
   judge_border(run, body, cuts);
+  return result;
 }
-
-}  // namespace
 
 Stage labels_stage() {
   Stage stage;

@@ -38,6 +38,8 @@ class StageRun {
   std::vector<std::filesystem::path> inputs(const std::string& role) const;
 
   std::filesystem::path out(const std::string& file) const { return out_ / file; }
+  // Within another program: outputs have no place, and the process is not the run's own.
+  bool is_in_memory() const { return out_.empty(); }
 
   // A folder that outlives this run when it is interrupted, and that the next run of the same stage
   // on the same inputs and params is given: for what it can go on from. Empty: there is none.
@@ -54,6 +56,8 @@ class StageRun {
   // report's first line.
   void caveat(std::string sentence) { caveats_.push_back(std::move(sentence)); }
   const std::vector<Metric>& metrics() const { return metrics_; }
+  const std::vector<Gate>& gates() const { return gates_; }
+  const std::vector<std::string>& caveats() const { return caveats_; }
   void set_device(std::string device) { device_ = std::move(device); }
   // The result stands for this run only, because something that no key holds decided it (a device
   // that failed half way). `reason` completes "not kept for later runs: ...".

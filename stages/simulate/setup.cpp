@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include "pipeline/base/log.hpp"
+#include "sim/solvers/fem/quadratic_forces.hpp"
+#include "sim/solvers/time_rule.hpp"
 #include "stages/mesh/tet_checks.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/accuracy.hpp"
@@ -52,6 +54,16 @@ void take_stiffness(StageRun& run, const TetMesh& mesh, sim::Model& model) {
 
 }  // namespace
 
+FrameOptions frame_options(const StageRun& run, const SceneFile& file, const sim::Model& model,
+                           const sim::SolverOptions& options) {
+  FrameOptions frames{
+      .method = options.method,
+      .forces = run.param<bool>("forces"),
+      .acts_s = sim::acting_time(file.scene.time.substep_s(), sim::order_of(file.scene, options))};
+  if (file.element == sim::Element::quadratic) frames.tissue = sim::quadratic_forces(model);
+  return frames;
+}
+
 Error to_error(const sim::Refusal& refusal, const StageRun& run) {
   using Cause = sim::Refusal::Cause;
   const bool scene = refusal.cause == Cause::scene, mesh = refusal.cause == Cause::mesh;
@@ -92,6 +104,10 @@ SceneFile scene_of(const StageRun& run, const Json& changes) {
   return file;
 }
 
+sim::Model body_of(const StageRun& run, const SceneFile& file, const TetMesh& mesh) {
+  return make_body(mesh, materials_by_label(mesh, file, run));
+}
+
 Setup set_up(StageRun& run) {
   return set_up(run, read_vtu(run.input("mesh")));
 }
@@ -99,7 +115,7 @@ Setup set_up(StageRun& run) {
 Setup set_up(StageRun& run, TetMesh mesh) {
   take_accuracy(run);
   SceneFile file = scene_of(run, run.params().at("change"));
-  sim::Model model = make_body(mesh, materials_by_label(mesh, file, run));
+  sim::Model model = body_of(run, file, mesh);
   check_body(mesh, run.input("mesh").string());
   take_stiffness(run, mesh, model);
   return {std::move(file), std::move(mesh), std::move(model)};

@@ -12,16 +12,16 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
-#include "sim/measures/explicit_limit.hpp"
 #include "sim/measures/stability.hpp"
 #include "sim/model/locking.hpp"
 #include "sim/model/start.hpp"
-#include "sim/solvers/fem/quadratic_forces.hpp"
 #include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/xpbd/viscous_step.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
+#include "stages/simulate/explicit_watch.hpp"
+#include "stages/simulate/frame_columns.hpp"
 #include "stages/simulate/frame_loop.hpp"
 #include "stages/simulate/gates.hpp"
 #include "stages/simulate/outcome_report.hpp"
@@ -37,8 +37,6 @@
 namespace viscera {
 namespace {
 
-constexpr double m3_to_ml = 1e6;
-
 // Of the damping asked for: less than the first is worth a warning, less than the second is another
 // material than the scene's.
 constexpr double full_damping = 0.95, min_damping = 0.5;
@@ -52,39 +50,15 @@ constexpr double border_worth_a_word = 0.2;
 // runs give equal files.
 void write_metrics(const std::filesystem::path& path, const sim::Model& model,
                    const std::vector<sim::Probe>& probes, const Outcome& outcome) {
-  std::string text =
-      "frame,time_s,kinetic_J,elastic_J,gravity_J,total_J,volume_ml,volume_ratio,min_J,"
-      "inverted,max_speed_m_s,rms_speed_m_s,contacts,state_hash";
-  for (const auto& name : outcome.exerting) {
-    for (const char axis : {'x', 'y', 'z'}) text += fmt::format(",force_{}_{}_N", name, axis);
-    for (const char axis : {'x', 'y', 'z'}) text += fmt::format(",moment_{}_{}_N_m", name, axis);
-  }
-  if (!outcome.exerting.empty()) text += ",force_handed_on_N";
-  for (const auto& probe : probes) {
-    for (const char axis : {'x', 'y', 'z'})
-      text += fmt::format(",probe_{}_{}_mm", probe.name, axis);
-  }
-  text += '\n';
-  for (const ComputedFrame& f : outcome.frames) {
-    const auto& d = f.now;
-    text += fmt::format(
-        "{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{},{:.6g},{:.6g},{},{:016x}",
-        f.index, f.time_s, d.kinetic, d.elastic, d.gravity, d.total(), m3_to_ml * d.volume,
-        d.volume_ratio, d.min_j, d.inverted, d.max_speed, d.rms_speed, f.contacts, f.state_hash);
-    for (const auto& [force, moment] : f.forces) {
-      text += fmt::format(",{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}", force.x, force.y, force.z,
-                          moment.x, moment.y, moment.z);
-    }
-    if (!f.forces.empty()) {
-      text += fmt::format(",{:.6g}", f.handed_on);
-    } else if (!outcome.exerting.empty()) {
-      text += std::string(6 * outcome.exerting.size() + 1, ',');
-    }
-    for (std::size_t k = 0; k < probes.size(); ++k) {
-      const auto at = place_mm(model, probes[k], f.probes[k]);
-      text += fmt::format(",{:.9g},{:.9g},{:.9g}", at.x, at.y, at.z);
-    }
-    text += '\n';
+  const std::vector<FrameColumn> columns = frame_columns(model, probes, outcome.exerting);
+  const auto line = [&columns](auto&& text_of) {
+    std::string text;
+    for (const FrameColumn& column : columns) text += (text.empty() ? "" : ",") + text_of(column);
+    return text + '\n';
+  };
+  std::string text = line([](const FrameColumn& column) { return column.name; });
+  for (const ComputedFrame& frame : outcome.frames) {
+    text += line([&frame](const FrameColumn& column) { return column.text(frame); });
   }
   write_atomically(path, text);
 }
@@ -257,43 +231,6 @@ void report_solver_error(StageRun& run, const sim::Stability& stability, const s
   }
 }
 
-// Explicit dynamics of a body that has grown stiffer than it was at rest: how many substeps it
-// needs now. The time grid is fixed, so a run whose steps are too long ends.
-class ExplicitWatch {
- public:
-  ExplicitWatch(const sim::Model& model, const sim::Scene& scene) : model_(model), scene_(scene) {}
-
-  // Why the run may not go on from this state.
-  std::string operator()(const sim::State& state) {
-    const sim::ExplicitLimit limit = sim::explicit_limit(model_, scene_, state);
-    if (!limit.exact || limit.courant <= allowed) return "";
-    const bool first = !objected_;
-    objected_ = true;
-    if (scene_.stability != sim::StabilityPolicy::warn) return explain(limit);
-    if (first) log::warn("{}", explain(limit));
-    return "";
-  }
-  bool objected() const { return objected_; }
-  // What a run that ended otherwise had been short of in its last good state.
-  std::string explain(const sim::State& last) const {
-    return explain(sim::explicit_limit(model_, scene_, last));
-  }
-
- private:
-  std::string explain(const sim::ExplicitLimit& limit) const {
-    return fmt::format(
-        "a Courant number of {:.2f} as deformed then, where explicit steps blow up above 1: "
-        "time.substeps of {:.0f} or more are needed in place of {}",
-        limit.courant, limit.substeps_needed, scene_.time.substeps);
-  }
-
-  // As at rest: some of the steps to the next frame are taken further deformed.
-  static constexpr double allowed = sim::courant_limit;
-  const sim::Model& model_;
-  const sim::Scene& scene_;
-  bool objected_ = false;
-};
-
 void simulate(StageRun& run) {
   auto [file, mesh, model] = set_up(run);
   const std::vector<sim::Probe> probes = read_probes(run, model);
@@ -342,18 +279,14 @@ void simulate(StageRun& run) {
     log::info("goes on at t {:.3f} s, where it was interrupted", start.frames.back().time_s);
   }
   ExplicitWatch watch(model, file.scene);
-  FrameOptions frames{
-      .kept = [&](const Outcome& so_far) { resume.note(so_far); },
-      .method = options.method,
-      .forces = run.param<bool>("forces"),
-      .acts_s = sim::acting_time(file.scene.time.substep_s(), sim::order_of(file.scene, options)),
-      .probes = probes};
+  FrameOptions frames = frame_options(run, file, model, options);
+  frames.probes = probes;
+  frames.kept = [&](const Outcome& so_far) { resume.note(so_far); };
   frames.keep = [&, &body = model](const ComputedFrame& frame, const sim::State& state) {
     const std::vector<float> positions = positions_mm(body, state);
     trajectory.append(frame.time_s, positions);
     resume.add(positions);
   };
-  if (element == sim::Element::quadratic) frames.tissue = sim::quadratic_forces(model);
   if (options.method == sim::Method::tled) frames.objects = std::ref(watch);
   Outcome outcome = run_frames(*solver, model, file.scene, schedule, frames, std::move(start));
   if (outcome.frames.empty()) {

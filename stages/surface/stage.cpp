@@ -232,7 +232,12 @@ SurfaceMesh make_surface(StageRun& run, const LabelImage& image, int label, cons
 }
 
 void run_surface(StageRun& run) {
-  const LabelImage image = read_image(run.input("labels")).image;
+  write_vtp(run.out("surface.vtp"), make_surfaces(run, read_image(run.input("labels")).image));
+}
+
+}  // namespace
+
+SurfaceMesh make_surfaces(StageRun& run, const LabelImage& image) {
   const double voxel = *std::max_element(image.frame.spacing.begin(), image.frame.spacing.end());
   const Settings settings{
       .sigma = run.has_param("sigma") ? run.param<double>("sigma") : default_sigma(image.frame),
@@ -267,10 +272,8 @@ void run_surface(StageRun& run) {
   log::progress("surfaces", 1.0);
   run.metric("sigma", settings.sigma, "mm");
   run.metric("triangles", surface.triangles.size());
-  write_vtp(run.out("surface.vtp"), surface);
+  return surface;
 }
-
-}  // namespace
 
 Stage surface_stage() {
   Stage stage;

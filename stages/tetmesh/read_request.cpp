@@ -60,7 +60,7 @@ std::vector<RegionRequest> read_regions(const Json& given) {
   return regions;
 }
 
-MeshRequest read_request(const StageRun& run) {
+MeshRequest request_of(const StageRun& run) {
   using Request = MeshRequest;
   Request request;
   request.route = choice<Request::Route>(run, "route",
@@ -83,6 +83,17 @@ MeshRequest read_request(const StageRun& run) {
   if (run.has_param("sigma")) request.sigma = run.param<double>("sigma");
   request.interface_size = run.param<double>("interface_size");
   request.grading = run.param<double>("grading");
+  const Param size = size_param();
+  for (const auto& [name, value] : run.params().at("sizes").items()) {
+    request.sizes[name] =
+        resolve_required(size, value, "parameters", "sizes." + name).get<double>();
+  }
+  request.regions = read_regions(run.params().at("regions"));
+  return request;
+}
+
+MeshRequest read_request(const StageRun& run) {
+  MeshRequest request = request_of(run);
   // Before any file is read.
   const bool by_fields = request.by_fields(run.has_input("labels"), run.has_input("surface"));
   if (run.has_input("labels")) {
@@ -94,12 +105,6 @@ MeshRequest read_request(const StageRun& run) {
     request.surface = read_vtp(run.input("surface"));
     request.surface_file = run.input("surface").string();
   }
-  const Param size = size_param();
-  for (const auto& [name, value] : run.params().at("sizes").items()) {
-    request.sizes[name] =
-        resolve_required(size, value, "parameters", "sizes." + name).get<double>();
-  }
-  request.regions = read_regions(run.params().at("regions"));
   return request;
 }
 

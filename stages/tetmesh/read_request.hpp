@@ -6,7 +6,10 @@
 
 namespace viscera {
 
-// Reads the labels and, where the route needs it, the surface. Throws Error.
+// What the params ask for, without labels and surface. Throws Error(bad_config).
+MeshRequest request_of(const StageRun& run);
+// The same with the labels and, where the route needs it, the surface that the run names. Throws
+// Error.
 MeshRequest read_request(const StageRun& run);
 
 // What each value of the parameters `sizes` and `regions` is.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
+#include <optional>
 
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
@@ -255,12 +256,15 @@ TimeGoal time_goal(const StageRun& run, const std::map<int, std::string>& names)
                                                "...}}"});
 }
 
-Made make_mesh(StageRun& run) {
-  MeshJob job(read_request(run));
+Made make_mesh(StageRun& run, MeshRequest request) {
+  MeshJob job(std::move(request));
   const TimeGoal time = time_goal(run, job.names());
   const double tets = expected_tets(run, job), memory = job.estimate_memory(tets);
   log::info("expecting about {:.0f} thousand tets and {:.0f} MB", tets / 1e3, memory / 1e6);
-  const Watchdog watchdog(run.param<double>("time_limit"), memory, run.out("").parent_path());
+  check_memory(memory);
+  std::optional<Watchdog> watchdog;
+  if (!run.is_in_memory())
+    watchdog.emplace(run.param<double>("time_limit"), memory, run.out("").parent_path());
   double cell_size = settle_cell_size(run, job);
   const std::clock_t begin = std::clock();  // in one thread
   auto [mesh, mended, improved] = mesh_for(run, job, time, cell_size);
@@ -332,16 +336,21 @@ Made take_mesh(StageRun& run) {
   return made;
 }
 
-void run_tetmesh(StageRun& run) {
-  Made made = run.has_input("mesh") ? take_mesh(run) : make_mesh(run);
-  TetMesh& mesh = made.mesh;
-  if (run.has_input("surface")) made.wanted.surface = body_of(read_vtp(run.input("surface")));
-  const auto quality = measure(mesh);
-  Json report = judge(run, mesh, quality, made.wanted);
+// What quality.json says; the measures become cell data.
+Json judge_made(StageRun& run, Made& made) {
+  const auto quality = measure(made.mesh);
+  Json report = judge(run, made.mesh, quality, made.wanted);
   for (const auto& [key, value] : made.how.items()) report[key] = value;
-  if (!mesh.regions.empty()) report["regions"] = regions_json(mesh, quality);
-  add_cell_data(mesh, quality);
-  const TetExport body = prepare_export(mesh, made.wanted.time.materials);
+  if (!made.mesh.regions.empty()) report["regions"] = regions_json(made.mesh, quality);
+  add_cell_data(made.mesh, quality);
+  return report;
+}
+
+void run_tetmesh(StageRun& run) {
+  Made made = run.has_input("mesh") ? take_mesh(run) : make_mesh(run, read_request(run));
+  if (run.has_input("surface")) made.wanted.surface = body_of(read_vtp(run.input("surface")));
+  const Json report = judge_made(run, made);
+  const TetExport body = prepare_export(made.mesh, made.wanted.time.materials);
   for (const auto& format : chosen_formats(run.params().at("formats")))
     format.write(run.out(format.file), body);
   write_atomically(run.out("quality.json"), report.dump(1) + "\n");
@@ -356,6 +365,17 @@ std::vector<OutputFile> outputs() {
 }
 
 }  // namespace
+
+TetMesh make_tets(StageRun& run, const LabelImage* labels, const SurfaceMesh* surface) {
+  MeshRequest request = request_of(run);
+  const bool by_fields = request.by_fields(labels != nullptr, surface != nullptr);
+  if (labels) request.labels = *labels;
+  if (!by_fields) request.surface = *surface;
+  Made made = make_mesh(run, std::move(request));
+  if (surface) made.wanted.surface = body_of(*surface);
+  judge_made(run, made);
+  return std::move(made.mesh);
+}
 
 Stage tetmesh_stage() {
   Stage stage;

@@ -28,7 +28,7 @@ double kilobytes(const char* file, const std::string& name) {
 
 }  // namespace
 
-Watchdog::Watchdog(double seconds, double expected_bytes, std::filesystem::path folder) {
+void check_memory(double expected_bytes) {
   const double available = 1024.0 * kilobytes("/proc/meminfo", "MemAvailable:");
   if (expected_bytes > available) {
     throw Error(ExitCode::try_again,
@@ -37,6 +37,9 @@ Watchdog::Watchdog(double seconds, double expected_bytes, std::filesystem::path 
                  .allowed = fmt::format("about {:.0f} MB for this mesh", expected_bytes / 1e6),
                  .remedy = "a larger cell size, or a machine with more memory"});
   }
+}
+
+Watchdog::Watchdog(double seconds, double expected_bytes, std::filesystem::path folder) {
   getrlimit(RLIMIT_DATA, &before_);
   const double used = 1024.0 * kilobytes("/proc/self/status", "VmData:");
   const double most = used + slack_factor * expected_bytes + slack_bytes;

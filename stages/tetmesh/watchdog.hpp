@@ -12,12 +12,14 @@
 
 namespace viscera {
 
+// Throws Error(try_again) when this machine does not have these bytes to spare.
+void check_memory(double expected_bytes);
+
 class Watchdog {
  public:
-  // Throws Error(try_again) when this machine does not have `expected_bytes` to spare. Allocations
-  // beyond thrice that and a gigabyte then fail (std::bad_alloc); after `seconds` the process ends
-  // with exit 75, and `folder`, its unfinished outputs, is removed, as is an empty folder around
-  // it.
+  // Allocations beyond thrice `expected_bytes` and a gigabyte fail (std::bad_alloc); after
+  // `seconds` the process ends with exit 75, and `folder`, its unfinished outputs, is removed, as
+  // is an empty folder around it.
   Watchdog(double seconds, double expected_bytes, std::filesystem::path folder);
   ~Watchdog();
   Watchdog(const Watchdog&) = delete;

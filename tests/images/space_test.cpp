@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
+#include <random>
 
 #include "pipeline/base/atomic_file.hpp"
 #include "stages/image/image_io.hpp"
@@ -199,6 +201,31 @@ TEST_F(Space, AnObliqueGridIsTurnedOnceAndFlipsOfItAreTheSameBody) {
     const Body rounded = through("a.nii", nifti_bytes(image));  // 300 mm in single precision
     for (int a = 0; a < 3; ++a) EXPECT_NEAR(rounded.centroid[a], expected.centroid[a], 5e-5);
     EXPECT_GT(rounded.surface, 0.0);
+  }
+}
+
+TEST_F(Space, AFrameReadBackIsToldToTheBitWithoutAFile) {
+  std::mt19937 generator(7);
+  std::uniform_real_distribution<double> length(0.3, 5.0), place(-400.0, 400.0);
+  std::normal_distribution<double> normal;
+  for (int k = 0; k < 100; ++k) {
+    Eigen::Matrix<double, 3, 3, Eigen::RowMajor> axes =
+        Eigen::Quaterniond(normal(generator), normal(generator), normal(generator),
+                           normal(generator))
+            .normalized()
+            .toRotationMatrix();
+    if (k % 2) axes.col(0) *= -1.0;
+    LabelImage image{.frame = {.size = {2, 3, 4},
+                               .spacing = {length(generator), length(generator), length(generator)},
+                               .origin = {place(generator), place(generator), place(generator)}},
+                     .voxels = std::vector<std::uint16_t>(24, 1)};
+    std::copy_n(axes.data(), 9, image.frame.direction.begin());
+    write_nrrd(folder_.path() / "a.nrrd", image);
+    const Frame read = read_image(folder_.path() / "a.nrrd").image.frame;
+    const Frame told = as_read_back(image.frame);
+    EXPECT_EQ(told.spacing, read.spacing) << k;
+    EXPECT_EQ(told.origin, read.origin) << k;
+    EXPECT_EQ(told.direction, read.direction) << k;
   }
 }
 

@@ -1,7 +1,9 @@
 """Bodies and scenes of the tests. They run on an installed wheel, beside the programs of BIN."""
 
+import gzip
 import os
 import pathlib
+import subprocess
 
 import numpy as np
 import pytest
@@ -47,3 +49,30 @@ def falling(**more):
 @pytest.fixture
 def mesh():
     return viscera.TetMesh(*cube(), names={1: "liver"})
+
+
+def read_nrrd(file):
+    """A label volume in LPS: ids [k, j, i], spacing, origin (mm) and direction as viscera has them."""
+    header, data = pathlib.Path(file).read_bytes().split(b"\n\n", 1)
+    fields = dict(line.split(": ", 1) for line in header.decode().splitlines() if ": " in line)
+    assert fields["space"] == "left-posterior-superior"
+    size = [int(n) for n in fields["sizes"].split()]
+    axes = np.array([[float(x) for x in v[1:-1].split(",")] for v in fields["space directions"].split()])
+    spacing = np.linalg.norm(axes, axis=1)
+    origin = [float(x) for x in fields["space origin"][1:-1].split(",")]
+    if fields["encoding"] in ("gz", "gzip"):
+        data = gzip.decompress(data)
+    voxels = np.frombuffer(data, {"unsigned char": "u1", "unsigned short": "u2"}[fields["type"]])
+    return voxels.reshape(size[::-1]), list(spacing), origin, list((axes.T / spacing).ravel())
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory):
+    """The demo's phantom in large tets: the folder of its stages."""
+    out = tmp_path_factory.mktemp("demo")
+    subprocess.run(
+        [PROGRAMS / "viscera", "run", "configs/demo.yaml", "--until", "tetmesh", "--quiet",
+         "--set", "tetmesh.cell_size=14mm", "--out", out],
+        check=True,
+    )
+    return out / "demo"

@@ -3,20 +3,24 @@
 import pathlib
 import subprocess
 
+import pytest
 import viscera
 
 FOLDER = pathlib.Path(viscera.__file__).parent
-# By the beginning of their names: what viscera-simulate needs, and nothing else.
-NEEDED = ("libc.", "libm.", "libgcc_s.", "libstdc++.", "ld-linux", "libfmt.", "libyaml-cpp.", "libcrypto.",
-          "libhdf5", "libz.", "libcholmod.", "libvtk", "libITK", "libitk", "libgomp.")
+# By the beginning of their names: what the programs of the stages need, and nothing else.
+BOTH = ("libc.", "libm.", "libgcc_s.", "libstdc++.", "ld-linux", "libfmt.", "libyaml-cpp.", "libcrypto.", "libz.",
+        "libvtk", "libITK", "libitk")
+NEEDED = {"_viscera": (*BOTH, "libhdf5", "libcholmod.", "libgomp."),
+          "_preparation": (*BOTH, "libgmsh.", "libmpfr.", "libgmp.", "libdcm", "liboflog.", "libofstd.")}
 
 
-def test_only_what_a_simulation_needs_is_linked():
-    module, = FOLDER.glob("_viscera*.so")
+@pytest.mark.parametrize("name", NEEDED)
+def test_only_what_the_stages_need_is_linked(name):
+    module, = FOLDER.glob(f"{name}.*.so")
     listed = subprocess.run(["readelf", "-d", module], check=True, capture_output=True, text=True).stdout
     libraries = [line.split("[")[1].rstrip("]") for line in listed.splitlines() if "(NEEDED)" in line]
     assert libraries
-    assert [name for name in libraries if not name.startswith(NEEDED)] == []
+    assert [library for library in libraries if not library.startswith(NEEDED[name])] == []
 
 
 def test_the_package_is_small():

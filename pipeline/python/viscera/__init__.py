@@ -2,13 +2,14 @@
 
     import viscera
 
-    mesh = viscera.read_mesh("out/demo/tetmesh/mesh.vtu")
+    labels = viscera.read_labels("liver.nii.gz")        # or an array of ids and its spacing
+    mesh = labels.tet_mesh(cell_size="5 mm")            # or labels.surface().tet_mesh(...)
     sim = viscera.Simulation(mesh, "configs/scenes/drop.yaml")
     sim.step(10)
     sim.positions            # [n, 3] LPS mm
 
-A run gives the bits that `viscera-simulate` gives with the same mesh, scene and params. Lengths of
-meshes and positions are in mm, all else in SI units. Errors are `viscera.Error`.
+Each step gives the bits that the program of its stage gives with the same input and params. Lengths
+of volumes, meshes and positions are in mm, all else in SI units. Errors are `viscera.Error`.
 """
 
 import contextlib
@@ -19,7 +20,16 @@ import tempfile
 from . import _viscera
 from ._viscera import Error, TetMesh, __version__, read_mesh
 
-__all__ = ["Error", "Simulation", "TetMesh", "__version__", "read_mesh"]
+__all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "read_labels", "read_mesh"]
+
+
+def __getattr__(name):
+    # Only for those who ask: they load the libraries of images and meshing.
+    if name in ("Labels", "Surface", "read_labels"):
+        from . import labels
+
+        return getattr(labels, name)
+    raise AttributeError(f"module 'viscera' has no attribute '{name}'")
 
 
 class Simulation(_viscera.Simulation):
@@ -34,6 +44,8 @@ class Simulation(_viscera.Simulation):
 
     displacements, velocities: [n, 3] views of the state, m and m/s, not copied and not writable;
         they stay as they are when the simulation goes on. positions: [n, 3], LPS mm.
+    stress: [tets, 3, 3] Cauchy stress of now without viscosity, Pa. forces: [n, 3] what materials,
+        springs, pressures and loads do to each vertex now, N, without what depends on velocities.
     time: s. frame: how many are done. frame_time: s. substeps: of a frame, as the scene's policy has
         raised them. device, scheme: what it runs on, and how. state_hash: as in metrics.csv.
     """
@@ -60,6 +72,17 @@ class Simulation(_viscera.Simulation):
     def diagnose(self):
         """Energies (J), volume, smallest det F, inverted tets and speeds of now, by name."""
         return super().diagnose()
+
+    def gradient(self, by_displacement, with_respect_to):
+        """How a quantity J of the body at rest changes with numbers of its scene, by the adjoint method.
+
+        by_displacement: [n, 3] dJ/du in the displacements, 1/m. with_respect_to: names of the scene's
+        numbers, as in "materials.liver.E", "effects.gravity.acceleration" or
+        "effects.prescribed.displacement.z". Returns dJ/dp by name, in J's unit over the SI unit of p.
+        One linear system for all names. The equilibrium is that of Newton's method near the state of
+        now, whatever the solver; refused where an obstacle touches the body and with pressure.
+        """
+        return super().gradient(by_displacement, list(with_respect_to))
 
     def __repr__(self):
         return f"<viscera.Simulation: t {self.time:.3f} s, {self.device}>"

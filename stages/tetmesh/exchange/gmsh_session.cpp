@@ -2,6 +2,7 @@
 
 #include <gmsh.h>
 
+#include <mutex>
 #include <stdexcept>
 
 #include "pipeline/base/error.hpp"
@@ -30,6 +31,8 @@ std::string last_error(const std::string& thrown) {
 }  // namespace
 
 void with_gmsh(const std::function<void()>& work) {
+  static std::mutex one_at_a_time;
+  const std::scoped_lock alone(one_at_a_time);
   const Session session;
   try {
     work();

@@ -1,6 +1,6 @@
 // The gmsh library for as long as one piece of work lasts. It is a single global model: sessions do
-// not nest. Silent, one thread, no configuration files of the user, so that equal input gives equal
-// output.
+// not nest, and threads wait for one another. Silent, one thread, no configuration files of the
+// user, so that equal input gives equal output.
 #pragma once
 
 #include <functional>

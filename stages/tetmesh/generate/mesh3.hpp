@@ -101,7 +101,9 @@ class Mesher {
                        CGAL::Spatial_sort_traits_adapter_3<Kernel, Map>(
                            CGAL::make_property_map(std::as_const(points))));
     typename Triangulation::Cell_handle near{};
+    std::size_t inserted = 0;
     for (const std::size_t i : order) {
+      if (inserted++ % 4096 == 0) log::check_interrupt();
       const auto vertex = complex_.triangulation().insert(Weighted(points[i]), near);
       complex_.set_dimension(vertex, sites_[i].dimension);
       complex_.set_index(vertex, sites_[i].index);

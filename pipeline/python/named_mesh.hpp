@@ -1,0 +1,22 @@
+// A mesh in the memory of Python, and what was said of it when it was made.
+#pragma once
+
+#include <string>
+
+#include "pipeline/base/param.hpp"
+#include "stages/mesh/tet_mesh.hpp"
+
+namespace viscera::python {
+
+// What the manifest of a stage says of its result: `metrics` by name, `gates`, `caveats`.
+struct Said {
+  Json metrics = Json::object(), gates = Json::array(), caveats = Json::array();
+};
+
+struct NamedMesh {
+  TetMesh mesh;
+  std::string name = "mesh";  // what errors call it: its file, or "mesh"
+  Said said = {};
+};
+
+}  // namespace viscera::python
