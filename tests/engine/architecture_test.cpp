@@ -86,8 +86,9 @@ const std::vector<Folder> folders = {
      {"pipeline/base", "pipeline/contract", "pipeline/engine/store", "pipeline/engine/programs"}},
     {"pipeline/schema", {"pipeline/contract"}},
     {"pipeline/python",
-     {"pipeline/base", "stages/mesh", "stages/simulate", "sim/model", "sim/scene", "sim/solvers",
-      "sim/solvers/fem"}},
+     {"pipeline/base", "stages/mesh", "stages/image", "stages/labels", "stages/surface",
+      "stages/tetmesh", "stages/simulate", "stages/simulate/scene", "sim", "sim/measures",
+      "sim/model", "sim/scene", "sim/solvers", "sim/solvers/fem"}},
     {"pipeline", {"pipeline/*"}},
 
     {"sim/base", {}},

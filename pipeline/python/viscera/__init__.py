@@ -16,14 +16,21 @@ import contextlib
 import json
 import os
 import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
 
 from . import _viscera
 from ._viscera import Error, TetMesh, __version__, read_mesh
 
+if TYPE_CHECKING:
+    from .labels import Labels, Surface, read_labels
+
 __all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "read_labels", "read_mesh"]
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     # Only for those who ask: they load the libraries of images and meshing.
     if name in ("Labels", "Surface", "read_labels"):
         from . import labels
@@ -46,21 +53,22 @@ class Simulation(_viscera.Simulation):
         they stay as they are when the simulation goes on. positions: [n, 3], LPS mm.
     stress: [tets, 3, 3] Cauchy stress of now without viscosity, Pa. forces: [n, 3] what materials,
         springs, pressures and loads do to each vertex now, N, without what depends on velocities.
-    time: s. frame: how many are done. frame_time: s. substeps: of a frame, as the scene's policy has
+    mesh: as given. time: s. frame: how many are done. frame_time: s. substeps: of a frame, as the scene's policy has
         raised them. device, scheme: what it runs on, and how. state_hash: as in metrics.csv.
     """
 
-    def __init__(self, mesh, scene, **params):
+    def __init__(self, mesh: TetMesh, scene: str | os.PathLike[str] | Mapping[str, Any], **params: Any) -> None:
+        self.mesh = mesh
         with _file_of(scene) as file:
             super().__init__(mesh, file, params)
 
-    def step(self, frames=1):
+    def step(self, frames: int = 1) -> None:
         """Goes on by whole frames."""
         if frames < 0:
             raise ValueError(f"frames: {frames}, allowed: 0 or more")
         super().step(frames)
 
-    def run(self, progress=None):
+    def run(self, progress: Callable[[int, float, float], object] | None = None) -> dict[str, Any]:
         """Goes on until the body rests or the scene's time (`end`) is over.
 
         progress(frame, time_s, max_speed_m_s) is called after every frame. Returns a dict: `rested`,
@@ -69,11 +77,11 @@ class Simulation(_viscera.Simulation):
         """
         return super().run(progress)
 
-    def diagnose(self):
+    def diagnose(self) -> dict[str, float]:
         """Energies (J), volume, smallest det F, inverted tets and speeds of now, by name."""
         return super().diagnose()
 
-    def gradient(self, by_displacement, with_respect_to):
+    def gradient(self, by_displacement: ArrayLike, with_respect_to: Iterable[str]) -> dict[str, float]:
         """How a quantity J of the body at rest changes with numbers of its scene, by the adjoint method.
 
         by_displacement: [n, 3] dJ/du in the displacements, 1/m. with_respect_to: names of the scene's
@@ -84,17 +92,32 @@ class Simulation(_viscera.Simulation):
         """
         return super().gradient(by_displacement, list(with_respect_to))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<viscera.Simulation: t {self.time:.3f} s, {self.device}>"
+
+    def _repr_html_(self) -> str:
+        from . import pictures
+
+        return pictures.of_simulation(self)
+
+
+def _mesh_as_html(mesh: TetMesh) -> str:
+    from . import pictures
+
+    return pictures.of_mesh(mesh)
+
+
+# What a notebook shows of it.
+setattr(TetMesh, "_repr_html_", _mesh_as_html)
 
 
 @contextlib.contextmanager
-def _file_of(scene):
+def _file_of(scene: str | os.PathLike[str] | Mapping[str, Any]) -> Iterator[str]:
     """The path of a scene; one that is given as a dict stands in a file meanwhile."""
-    if not isinstance(scene, dict):
+    if not isinstance(scene, Mapping):
         yield os.fspath(scene)
         return
     with tempfile.NamedTemporaryFile("w", prefix="scene-", suffix=".yaml") as file:
-        json.dump(scene, file)
+        json.dump(dict(scene), file)
         file.flush()
         yield file.name

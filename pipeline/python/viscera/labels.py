@@ -1,17 +1,34 @@
 """From segmented voxels to a mesh, in memory."""
 
+import importlib
 import os
+from collections.abc import Mapping, Sequence
+from typing import Any
 
+from numpy.typing import ArrayLike
+
+from . import pictures
 from ._preparation import Labels, Surface
 from ._preparation import labels_of as _labels_of
 from ._preparation import read_labels as _read_labels
 
 __all__ = ["Labels", "Surface", "read_labels"]
 
+# What a notebook shows of them.
+setattr(Labels, "_repr_html_", pictures.of_labels)
+setattr(Surface, "_repr_html_", pictures.of_surface)
+
 AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
-def read_labels(source, spacing=None, origin=None, direction=None, names=None, **params):
+def read_labels(
+    source: Any,
+    spacing: Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
+    direction: Sequence[float] | None = None,
+    names: Mapping[int, str] | None = None,
+    **params: Any,
+) -> Labels:
     """Segmented voxels, cleaned as viscera-labels does: one body with a margin of background.
 
     source: what viscera-labels reads (a path, or a list of them: NIfTI, NRRD, MetaImage, DICOM), an
@@ -35,10 +52,9 @@ def read_labels(source, spacing=None, origin=None, direction=None, names=None, *
     if hasattr(source, "GetDirection"):
         if any(value is not None for value in (spacing, origin, direction)):
             raise ValueError("spacing, origin and direction are those of the image")
-        import SimpleITK
-
         spacing, origin, direction = source.GetSpacing(), source.GetOrigin(), source.GetDirection()
-        source = SimpleITK.GetArrayViewFromImage(source)
+        source = importlib.import_module("SimpleITK").GetArrayViewFromImage(source)
     if spacing is None:
         raise ValueError("spacing: not given, allowed: mm along x, y and z")
-    return _labels_of(source, spacing, origin or (0.0, 0.0, 0.0), direction or AXES, names or {}, params)
+    origin = (0.0, 0.0, 0.0) if origin is None else origin
+    return _labels_of(source, spacing, origin, AXES if direction is None else direction, names or {}, params)
