@@ -8,7 +8,7 @@ SOURCES = $$(find pipeline sim stages sample_data tests -name '*.[ch]pp' -o -nam
 
 .PHONY: help packages all-packages programs build cuda build-times run paper study study-full cohort test check-format format clean \
         stage-labels stage-surface stage-tetmesh stage-simulate stage-report gpu-bundle test-gpu sanitize \
-        docs gallery live soak measured wheel test-python bench-solver bench-body bench-error bench-support bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
+        docs gallery live soak measured wheel test-python bench-python bench-solver bench-body bench-error bench-support bench-mesh bench-gpu bench-surface bench-pipeline bench-live fuzz mutate odr
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 16
@@ -144,7 +144,13 @@ wheel: ## the Python package, build/wheel/dist/viscera-*.whl, for pip install; W
 test-python: wheel programs ## the wheel's tests, in an environment of its own without network
 	@$(PYTHON) -m venv --clear --system-site-packages $(WHEEL)/venv
 	@$(WHEEL)/venv/bin/pip install --quiet --no-index --no-deps $(WHEEL)/dist/*.whl
-	@$(WHEEL)/venv/bin/python -m pytest -q -p no:cacheprovider tests/python
+	@$(WHEEL)/venv/bin/python -m pytest -q -rs -p no:cacheprovider tests/python
+
+bench-python: test-python ## an array of ids to positions, in Python and by the programs: BENCH_PYTHON_TETS, _FRAMES
+	@$(WHEEL)/venv/bin/python tests/bench/python_time.py $(BIN) $(BENCH_PYTHON_TETS) $(BENCH_PYTHON_FRAMES)
+
+BENCH_PYTHON_TETS ?= 50000
+BENCH_PYTHON_FRAMES ?= 10
 
 BENCH = build/bench
 

@@ -172,7 +172,8 @@ void write_copy(const std::string& root, const std::string& copy,
   std::map<std::string, std::vector<Mutant>> by_file;
   for (const Mutant& mutant : mutants) by_file[mutant.place.file].push_back(mutant);
   std::vector<fs::path> files = {"CMakeLists.txt"};
-  for (const char* room : {"pipeline", "sim", "stages", "sample_data", "tests"}) {
+  // Programs hold the tables of docs/results.
+  for (const char* room : {"docs/results", "pipeline", "sim", "stages", "sample_data", "tests"}) {
     for (const auto& entry : fs::recursive_directory_iterator(fs::path(root) / room)) {
       if (entry.is_regular_file()) files.push_back(fs::relative(entry.path(), root));
     }

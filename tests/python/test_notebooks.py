@@ -5,10 +5,9 @@ import os
 import pathlib
 import sys
 
+import nbclient
+import nbformat
 import pytest
-
-nbclient = pytest.importorskip("nbclient")
-nbformat = pytest.importorskip("nbformat")
 
 NOTEBOOKS = sorted(pathlib.Path("docs/notebooks").glob("*.ipynb"))
 

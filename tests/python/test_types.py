@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-import viscera
+import viscera.labels  # which adds to what its modules have
 
 EXAMPLES = sorted((pathlib.Path(__file__).parent / "examples").glob("*.py"))
 

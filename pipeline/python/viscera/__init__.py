@@ -21,13 +21,15 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from . import _viscera
+from . import _viscera, bridges
 from ._viscera import Error, TetMesh, __version__, read_mesh
+from .bridges import mesh_from_meshio
 
 if TYPE_CHECKING:
     from .labels import Labels, Surface, read_labels
 
-__all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "read_labels", "read_mesh"]
+__all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "mesh_from_meshio",
+           "read_labels", "read_mesh"]
 
 
 def __getattr__(name: str) -> Any:
@@ -95,6 +97,10 @@ class Simulation(_viscera.Simulation):
     def __repr__(self) -> str:
         return f"<viscera.Simulation: t {self.time:.3f} s, {self.device}>"
 
+    def to_vtk(self) -> Any:
+        """The body as it is now as a vtkUnstructuredGrid (bridges.simulation_to_vtk)."""
+        return bridges.simulation_to_vtk(self)
+
     def _repr_html_(self) -> str:
         from . import pictures
 
@@ -109,6 +115,9 @@ def _mesh_as_html(mesh: TetMesh) -> str:
 
 # What a notebook shows of it.
 setattr(TetMesh, "_repr_html_", _mesh_as_html)
+# What the class of the module cannot have of itself.
+setattr(TetMesh, "to_vtk", bridges.mesh_to_vtk)
+setattr(TetMesh, "to_meshio", bridges.mesh_to_meshio)
 
 
 @contextlib.contextmanager

@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from . import pictures
+from . import bridges, pictures
 from ._preparation import Labels, Surface
 from ._preparation import labels_of as _labels_of
 from ._preparation import read_labels as _read_labels
@@ -17,6 +17,7 @@ __all__ = ["Labels", "Surface", "read_labels"]
 # What a notebook shows of them.
 setattr(Labels, "_repr_html_", pictures.of_labels)
 setattr(Surface, "_repr_html_", pictures.of_surface)
+setattr(Surface, "to_vtk", bridges.surface_to_vtk)
 
 AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 

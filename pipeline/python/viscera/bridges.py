@@ -1,0 +1,89 @@
+"""Meshes and simulations as the objects of other libraries, which need only be there when they are asked for."""
+
+import importlib
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._viscera import TetMesh
+
+if TYPE_CHECKING:
+    from . import Simulation
+    from ._preparation import Surface
+
+TETRA, TRIANGLE = 10, 5  # VTK's numbers of cell types
+
+
+def _set_points(data: Any, points: NDArray[np.float64]) -> None:
+    numpy_to_vtk = importlib.import_module("vtkmodules.util.numpy_support").numpy_to_vtk
+    places = importlib.import_module("vtkmodules.vtkCommonCore").vtkPoints()
+    places.SetData(numpy_to_vtk(points))
+    data.SetPoints(places)
+
+
+def _cells(corners: NDArray[np.int32]) -> Any:
+    numpy_to_vtk = importlib.import_module("vtkmodules.util.numpy_support").numpy_to_vtk
+    count, size = corners.shape
+    cells = importlib.import_module("vtkmodules.vtkCommonDataModel").vtkCellArray()
+    offsets = np.arange(count + 1, dtype=np.int64) * size
+    cells.SetData(numpy_to_vtk(offsets, deep=True), numpy_to_vtk(corners.astype(np.int64).ravel(), deep=True))
+    return cells
+
+
+def _add(to: Any, arrays: Mapping[str, NDArray[Any]]) -> None:
+    numpy_to_vtk = importlib.import_module("vtkmodules.util.numpy_support").numpy_to_vtk
+    for name, values in arrays.items():
+        array = numpy_to_vtk(values.view(np.uint8) if values.dtype == np.bool_ else values)
+        array.SetName(name)
+        to.AddArray(array)
+
+
+def _grid(mesh: TetMesh, points: NDArray[np.float64]) -> Any:
+    grid = importlib.import_module("vtkmodules.vtkCommonDataModel").vtkUnstructuredGrid()
+    _set_points(grid, points)
+    grid.SetCells(TETRA, _cells(mesh.tets))
+    _add(grid.GetCellData(), {"label": mesh.labels, **mesh.cell_data, **mesh.regions})
+    return grid
+
+
+def mesh_to_vtk(mesh: TetMesh) -> Any:
+    """A vtkUnstructuredGrid, LPS mm, with the cell arrays label, those of cell_data and a flag a region."""
+    return _grid(mesh, mesh.points)
+
+
+def surface_to_vtk(surface: "Surface") -> Any:
+    """A vtkPolyData, LPS mm, with the cell array label."""
+    data = importlib.import_module("vtkmodules.vtkCommonDataModel").vtkPolyData()
+    _set_points(data, surface.points)
+    data.SetPolys(_cells(surface.triangles))
+    _add(data.GetCellData(), {"label": surface.labels})
+    return data
+
+
+def simulation_to_vtk(simulation: "Simulation") -> Any:
+    """The body as it is now, LPS mm, with its displacement (m) and velocity (m/s) at the points."""
+    grid = _grid(simulation.mesh, simulation.positions)
+    _add(grid.GetPointData(), {"displacement": simulation.displacements, "velocity": simulation.velocities})
+    return grid
+
+
+def mesh_to_meshio(mesh: TetMesh) -> Any:
+    """A meshio.Mesh, LPS mm, with the cell arrays label, those of cell_data and a flag a region."""
+    arrays: dict[str, NDArray[Any]] = {"label": mesh.labels, **mesh.cell_data}
+    arrays |= {name: inside.astype(np.uint8) for name, inside in mesh.regions.items()}
+    return importlib.import_module("meshio").Mesh(
+        mesh.points, [("tetra", mesh.tets)], cell_data={name: [values] for name, values in arrays.items()})
+
+
+def mesh_from_meshio(mesh: Any, names: Mapping[int, str] | None = None, label: str = "label") -> TetMesh:
+    """The tets of a meshio.Mesh, LPS mm; `label` is the cell array with their materials, 1 where there is none."""
+    blocks = [k for k, block in enumerate(mesh.cells) if block.type == "tetra"]
+    if not blocks:
+        raise ValueError(f"cells: {sorted({block.type for block in mesh.cells})}, allowed: some of type tetra")
+    tets = np.concatenate([mesh.cells[k].data for k in blocks])
+    labels = np.concatenate([mesh.cell_data[label][k] for k in blocks]) if label in mesh.cell_data else None
+    # What cells of other types alone use is not the body's.
+    used, numbers = np.unique(tets, return_inverse=True)
+    return TetMesh(mesh.points[used], numbers.reshape(tets.shape), labels, names or {})
