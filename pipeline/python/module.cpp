@@ -153,6 +153,10 @@ class Guarded {
     }
     return view_of<double>(*found, keeper_of<std::vector<sim::Vec3<double>>>(found));
   }
+  void set(const std::string& name, double value) {
+    const auto lock = alone();
+    simulation_->set(name, value);
+  }
   py::dict gradient(const py::object& by_displacement, const std::vector<std::string>& names) {
     const auto lock = alone();
     std::vector<sim::Vec3<double>> slope;
@@ -282,6 +286,7 @@ void define_simulation(py::module_& module) {
       .def("step", &Guarded::step, py::arg("frames") = 1)
       .def("run", &Guarded::run, py::arg("progress") = py::none())
       .def("diagnose", &Guarded::diagnose)
+      .def("set", &Guarded::set)
       .def("gradient", &Guarded::gradient)
       .def_property_readonly("displacements", &Guarded::displacements)
       .def_property_readonly("velocities", &Guarded::velocities)

@@ -108,6 +108,32 @@ std::vector<sim::Vec3<double>> Simulation::forces() {
   return found;
 }
 
+void Simulation::set(const std::string& name, double value) {
+  const std::string where = run_.input("scene").string();
+  const auto refuse = [&](std::string found, std::string allowed) {
+    throw Error(
+        ExitCode::bad_config,
+        {.where = where, .field = name, .found = std::move(found), .allowed = std::move(allowed)});
+  };
+  if (options_.method != sim::Method::fem)
+    refuse("a solver whose substeps suit the values of its start", "solver: fem");
+  if (schedule_->count() > 1)
+    refuse("a schedule, which says when values change", "a scene without one");
+  translated(run_, [&] {
+    SceneFile file = setup_.file;
+    const SceneNumber number = scene_number(file, name, where);
+    if (!(number.lo <= value && value <= number.hi)) {
+      refuse(fmt::format("{}", value), fmt::format("{} to {}", number.lo, number.hi));
+    }
+    number.value = value;
+    sim::check_scene(file.scene);
+    sim::Model model = body_of(run_, file, setup_.mesh);
+    solver_->retune(model, file.scene);
+    setup_.file = std::move(file), setup_.model = std::move(model);
+    schedule_.emplace(setup_.file);
+  });
+}
+
 std::vector<double> Simulation::gradient(const std::vector<sim::Vec3<double>>& by_displacement,
                                          const std::vector<std::string>& names) {
   const std::string where = run_.input("scene").string();
@@ -123,8 +149,8 @@ std::vector<double> Simulation::gradient(const std::vector<sim::Vec3<double>>& b
       for (const std::string& name : names) {
         const auto changed_by = [&](double sign) {
           SceneFile file = setup_.file;
-          const auto [value, step] = scene_number(file, name, where);
-          value += sign * step;
+          const SceneNumber number = scene_number(file, name, where);
+          number.value += sign * number.step;
           return file;
         };
         SceneFile unchanged = setup_.file;

@@ -35,6 +35,11 @@ class Simulation {
   // [vertices] N, of now: what the elements do to them.
   std::vector<sim::Vec3<double>> forces();
 
+  // Gives a number of the scene (scene_number.hpp) another value, SI, from now on. Throws Error,
+  // and changes nothing, for what a scene cannot hold, where a schedule decides, and for solvers
+  // with a limit of stability, whose substeps were chosen for the values of the start.
+  void set(const std::string& name, double value);
+
   // dJ/dp of a quantity J of the body in the equilibrium near its state, for each name of a number
   // of the scene (scene_number.hpp), SI; dJ/du is [vertices], 1/m. Throws Error for scenes whose
   // gradients are not exact (sim/sensitivity.hpp), and Error(diverged) without an equilibrium.

@@ -83,6 +83,13 @@ class Simulation(_viscera.Simulation):
         """Energies (J), volume, smallest det F, inverted tets and speeds of now, by name."""
         return super().diagnose()
 
+    def set(self, name: str, value: float) -> None:
+        """Gives a number of the scene another value from now on, in its SI unit: "materials.liver.E", 7e3.
+
+        With solver="fem" and a scene without a schedule; what others change on the way stands in the scene.
+        """
+        super().set(name, value)
+
     def gradient(self, by_displacement: ArrayLike, with_respect_to: Iterable[str]) -> dict[str, float]:
         """How a quantity J of the body at rest changes with numbers of its scene, by the adjoint method.
 

@@ -13,7 +13,6 @@
 
 namespace viscera {
 namespace fs = std::filesystem;
-namespace {
 
 const std::vector<Param>& material_params() {
   static const std::vector<Param> params = [] {
@@ -24,6 +23,8 @@ const std::vector<Param>& material_params() {
   }();
   return params;
 }
+
+namespace {
 
 const std::vector<Param>& time_params() {
   const sim::TimeGrid grid;

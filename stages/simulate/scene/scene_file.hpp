@@ -42,6 +42,9 @@ struct SceneFile {
 // ({"materials.liver.E": "7 kPa"}); the text `off` takes out what stands there.
 SceneFile read_scene(const std::filesystem::path& path, const Json& changes = Json::object());
 
+// What a scene says of a material: E, nu, density and damping.
+const std::vector<Param>& material_params();
+
 // Names of all effects, and those that are on in a scene.
 std::vector<std::string> effect_names();
 std::vector<std::string> effects_on(const sim::Scene& scene);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <sstream>
 
 #include "pipeline/base/error.hpp"
@@ -35,24 +36,31 @@ double* number_of(sim::Material& material, const std::string& name) {
 // The names that are left of a number of one effect: its field, and an axis.
 using Names = std::span<const std::string>;
 
+// A number and its range; null: there is none of this name.
+struct Found {
+  double* value = nullptr;
+  double lo = 0.0, hi = 0.0;
+};
+
 template <class Params, class Value>
-double* number_in(Params& params, const sim::Field<Params, Value>& field, Names names) {
-  if (names.empty() || names[0] != field.name) return nullptr;
+Found number_in(Params& params, const sim::Field<Params, Value>& field, Names names) {
+  if (names.empty() || names[0] != field.name) return {};
   if constexpr (std::is_same_v<Value, double>) {
-    if (names.size() == 1) return &(params.*field.member);
+    if (names.size() == 1) return {&(params.*field.member), field.lo, field.hi};
   } else if constexpr (std::is_same_v<Value, sim::Vec3<double>>) {
     auto& vector = params.*field.member;
-    if (names.size() != 2) return nullptr;
-    return names[1] == "x"   ? &vector.x
-           : names[1] == "y" ? &vector.y
-           : names[1] == "z" ? &vector.z
-                             : nullptr;
+    if (names.size() != 2) return {};
+    double* const along = names[1] == "x"   ? &vector.x
+                          : names[1] == "y" ? &vector.y
+                          : names[1] == "z" ? &vector.z
+                                            : nullptr;
+    return {along, field.lo, field.hi};
   }
-  return nullptr;
+  return {};
 }
 
-double* number_of(sim::Scene& scene, Names names) {
-  double* found = nullptr;
+Found number_of(sim::Scene& scene, Names names) {
+  Found found;
   sim::Effects::for_each([&]<class Effect, std::size_t i>() {
     auto& named = std::get<i>(scene.effects);
     if (names.empty() || names[0] != Effect::name || named.empty()) return;
@@ -65,27 +73,28 @@ double* number_of(sim::Scene& scene, Names names) {
     if (which >= named.size()) return;
     std::apply(
         [&](const auto&... field) {
-          ((found = found ? found : number_in(named[which], field, rest)), ...);
+          ((found = found.value ? found : number_in(named[which], field, rest)), ...);
         },
         Effect::fields());
   });
   return found;
 }
 
+Found number_of(SceneFile& file, const std::vector<std::string>& parts) {
+  if (!parts.empty() && parts[0] == "effects")
+    return number_of(file.scene, Names(parts).subspan(1));
+  if (parts.size() != 3 || parts[0] != "materials") return {};
+  const auto material = file.materials.find(parts[1]);
+  const auto param = std::ranges::find(material_params(), parts[2], &Param::name);
+  if (material == file.materials.end() || param == material_params().end()) return {};
+  return {number_of(material->second, parts[2]), *param->lo, *param->hi};
+}
+
 }  // namespace
 
 SceneNumber scene_number(SceneFile& file, const std::string& name, const std::string& where) {
-  const std::vector<std::string> parts = parts_of(name);
-  double* found = nullptr;
-  bool is_ratio = false;
-  if (parts.size() == 3 && parts[0] == "materials") {
-    const auto material = file.materials.find(parts[1]);
-    if (material != file.materials.end()) found = number_of(material->second, parts[2]);
-    is_ratio = parts[2] == "nu";
-  } else if (!parts.empty() && parts[0] == "effects") {
-    found = number_of(file.scene, Names(parts).subspan(1));
-  }
-  if (!found) {
+  const Found found = number_of(file, parts_of(name));
+  if (!found.value) {
     std::vector<std::string> materials;
     for (const auto& [known, material] : file.materials) materials.push_back(known);
     throw Error(ExitCode::bad_config,
@@ -98,9 +107,11 @@ SceneNumber scene_number(SceneFile& file, const std::string& name, const std::st
                      fmt::join(materials, ", "), fmt::join(effects_on(file.scene), ", ")),
                  .remedy = "as in materials.liver.E"});
   }
-  double step = *found == 0.0 ? step_at_zero : relative_step * std::abs(*found);
-  if (is_ratio) step = std::min(step, of_what_is_left * (0.5 - *found));
-  return {*found, step};
+  double& value = *found.value;
+  double step = value == 0.0 ? step_at_zero : relative_step * std::abs(value);
+  if (name.starts_with("materials.") && name.ends_with(".nu"))
+    step = std::min(step, of_what_is_left * (0.5 - value));
+  return {value, step, found.lo, found.hi};
 }
 
 }  // namespace viscera

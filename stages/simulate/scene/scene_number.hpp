@@ -10,6 +10,7 @@ namespace viscera {
 struct SceneNumber {
   double& value;  // SI, of the file
   double step;    // by which differences take it up and down
+  double lo, hi;  // that a scene may hold
 };
 
 // materials.liver.E, effects.gravity.acceleration, effects.prescribed.displacement.z; of an effect
