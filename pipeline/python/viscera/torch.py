@@ -47,7 +47,7 @@ class AtRest:
 
 class _AtRest(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, *args: Any) -> torch.Tensor:
+    def forward(ctx: Any, *args: Any, **kwargs: Any) -> torch.Tensor:
         at_rest, *values = args
         ctx.at_rest, ctx.values = at_rest, [float(value) for value in values]
         ctx.like = [(value.dtype, value.shape) for value in values]
