@@ -8,6 +8,7 @@ parameters are those of its header, held against those that viscera-simulate tak
 documents are copied to PAGES/project. Ends with 1 and a message where an effect has no page, a page no
 effect, a page lacks a section, or a test that it names is not there.
 """
+import ast
 import html
 import json
 import os
@@ -317,6 +318,65 @@ def write_effects(binary, pages, site):
     return [{"All": "effects/index.md"}] + nav
 
 
+# --- the Python package
+
+PACKAGE = "pipeline/python/viscera"
+# What its users see, in the order in which they meet it, and where it is told of.
+PYTHON = [("labels.py", ["read_labels"]), ("_preparation.pyi", ["Labels", "Surface"]),
+          ("_viscera.pyi", ["TetMesh"]), ("__init__.py", ["Simulation"]), ("torch.py", ["AtRest"]),
+          ("bridges.py", ["mesh_to_vtk", "surface_to_vtk", "simulation_to_vtk", "mesh_to_meshio", "mesh_from_meshio"]),
+          ("_viscera.pyi", ["Error", "read_mesh"])]
+
+
+def signature(name, function):
+    arguments = [a for a in re.split(r",\s*(?![^\[]*\])", ast.unparse(function.args)) if a not in ("self", "/", "")]
+    returns = f" -> {ast.unparse(function.returns)}" if function.returns and name[0].islower() else ""
+    return f"{name}({', '.join(arguments)}){returns}"
+
+
+def told(node):
+    """A docstring as it stands, for its examples and columns are text."""
+    text = ast.get_docstring(node)
+    return f"```text\n{text}\n```\n" if text else ""
+
+
+def python_entry(node):
+    if isinstance(node, ast.FunctionDef):
+        return [f"## {node.name}\n", f"```python\n{signature(node.name, node)}\n```\n", told(node)]
+    text, rows = [f"## {node.name}\n"], []
+    methods = [part for part in node.body if isinstance(part, ast.FunctionDef)
+               and (part.name == "__init__" or not part.name.startswith("_"))]
+    for part in methods:
+        if part.name == "__init__":
+            text.append(f"```python\n{signature(node.name, part)}\n```\n")
+    text.append(told(node))
+    for part in node.body:
+        if isinstance(part, ast.AnnAssign):
+            rows.append([code(part.target.id), code(ast.unparse(part.annotation))])
+    for part in methods:
+        if any(ast.unparse(mark) == "property" for mark in part.decorator_list):
+            rows.append([code(part.name), code(ast.unparse(part.returns))])
+    if rows:
+        text.append(table(["has", "type"], rows))
+    for part in methods:
+        if part.name != "__init__" and not part.decorator_list:
+            text += [f"### {node.name}.{part.name}\n", f"```python\n{signature(part.name, part)}\n```\n", told(part)]
+    return text
+
+
+def python_page():
+    words = re.sub(r"\]\(([^):#]+)\)", lambda link: f"]({link[1]}/index.md)" if (ROOT / link[1]).is_dir() else link[0],
+                   section("README.md", "From Python"))
+    text = ["# Python\n", relinked(words, "project/")]
+    for file, names in PYTHON:
+        nodes = {node.name: node for node in ast.parse(read(f"{PACKAGE}/{file}")).body if hasattr(node, "name")}
+        for name in names:
+            if name not in nodes:
+                refuse(f"{PACKAGE}/{file} has no {name}")
+            text += python_entry(nodes[name])
+    return "\n".join(text)
+
+
 def write_gallery(pages):
     """The pages that `make gallery` has made beside these, or how to make them."""
     made = pages.parent / "gallery"
@@ -361,6 +421,7 @@ def main(binary, pages, site):
         programs += f"\n## {' '.join([program] + words[:-1])}\n\n```text\n" \
                     f"{output_of(binary / program, *words).strip()}\n```\n"
     (pages / "programs.md").write_text(programs, encoding="utf-8")
+    (pages / "python.md").write_text(python_page(), encoding="utf-8")
 
     nav = [{"Home": "index.md"}, {"Tutorial": "tutorial.md"},
            {"Stages": [{"All": "stages/index.md"}] + [{n: f"stages/{n}.md"} for n in names]},
@@ -368,7 +429,7 @@ def main(binary, pages, site):
            {"Laws and effects": write_effects(binary, pages, site)},
            {"Gallery": write_gallery(pages)},
            {"The program viscera": "programs.md"}, {"Glossary": "glossary.md"},
-           {"Extending": "extending.md"}, {"API": "api.md"},
+           {"Extending": "extending.md"}, {"Python": "python.md"}, {"API": "api.md"},
            {"Documents": [{"README": "project/README.md"}, {"Architecture": "project/ARCHITECTURE.md"},
                           {"Contributing": "project/CONTRIBUTING.md"}, {"Changelog": "project/CHANGELOG.md"},
                           {"Claims": "project/docs/claims.md"}, {"Results": "project/docs/results/index.md"}]}]

@@ -265,7 +265,8 @@ def test_gradients_that_would_be_wrong_are_refused(mesh):
     sim = hanging_bar()
     none = np.zeros_like(sim.displacements)
     for name in ("materials.liver.F", "materials.heart.E", "effects.gravity", "effects.gravity.direction",
-                 "effects.prescribed.displacement.w", "effects.prescribed.1.displacement.x", "time.substeps", ""):
+                 "effects.prescribed.displacement.w", "effects.prescribed.1.displacement.x", "effects.fixed.within",
+                 "time.substeps", ""):
         with pytest.raises(viscera.Error) as caught:
             sim.gradient(none, [name])
         assert caught.value.field == name

@@ -7,6 +7,11 @@ from numpy.typing import ArrayLike, NDArray
 from ._viscera import TetMesh
 
 class Labels:
+    """Segmented voxels, cleaned: voxels [k, j, i] are ids, the last axis along the first column of
+    direction (nine numbers, row by row); spacing (x, y, z) and origin, of the centre of voxel [0, 0, 0],
+    are in LPS mm. surface and tet_mesh take the params of viscera-surface and viscera-tetmesh by name, as
+    in cell_size="5 mm"; the mesh's distance from a surface is measured."""
+
     @property
     def voxels(self) -> NDArray[np.uint16]: ...
     @property
@@ -27,6 +32,9 @@ class Labels:
     def tet_mesh(self, surface: Surface | None = None, **params: Any) -> TetMesh: ...
 
 class Surface:
+    """Closed triangle surfaces, one a material and one of the whole body (0), seen from outside: points
+    [n, 3] LPS mm, triangles [m, 3], labels [m]. tet_mesh takes the params of viscera-tetmesh by name."""
+
     def __init__(
         self,
         points: ArrayLike,

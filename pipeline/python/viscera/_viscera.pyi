@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 __version__: str
 
 class Error(RuntimeError):
+    """What a program of viscera says when it ends with an error, and its exit code."""
+
     where: str
     field: str
     found: str
@@ -15,6 +17,10 @@ class Error(RuntimeError):
     exit_code: int
 
 class TetMesh:
+    """Tetrahedra with their materials: points [n, 3] LPS mm, tets [m, 4] positively oriented, labels [m],
+    names of the materials by label, regions that a scene names, a flag a tet each. The views cannot be
+    written to. gates, metrics and caveats are those of the stage that made it; cell_data are its measures."""
+
     def __init__(
         self,
         points: ArrayLike,

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <span>
 #include <sstream>
 
@@ -42,9 +43,21 @@ struct Found {
   double lo = 0.0, hi = 0.0;
 };
 
+// Whether a param says which vertices or tets an effect acts on: these are taken whole, and nothing
+// changes with a small change of it.
+template <class Params>
+bool selects(const std::string& name) {
+  bool found = false;
+  if constexpr (std::derived_from<Params, sim::Selection>) {
+    std::apply([&](const auto&... field) { ((found = found || name == field.name), ...); },
+               sim::Selection::fields());
+  }
+  return found;
+}
+
 template <class Params, class Value>
 Found number_in(Params& params, const sim::Field<Params, Value>& field, Names names) {
-  if (names.empty() || names[0] != field.name) return {};
+  if (names.empty() || names[0] != field.name || selects<Params>(names[0])) return {};
   if constexpr (std::is_same_v<Value, double>) {
     if (names.size() == 1) return {&(params.*field.member), field.lo, field.hi};
   } else if constexpr (std::is_same_v<Value, sim::Vec3<double>>) {

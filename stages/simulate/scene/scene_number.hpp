@@ -14,8 +14,9 @@ struct SceneNumber {
 };
 
 // materials.liver.E, effects.gravity.acceleration, effects.prescribed.displacement.z; of an effect
-// that is named several times effects.load.1.force.x is the second. Throws Error(bad_config), which
-// calls the scene `where`, for what is no number of it.
+// that is named several times effects.load.1.force.x is the second. Not what selects vertices and
+// tets, as effects.fixed.within: they are taken whole. Throws Error(bad_config), which calls the
+// scene `where`, for what is no number of it.
 SceneNumber scene_number(SceneFile& file, const std::string& name, const std::string& where);
 
 }  // namespace viscera
