@@ -12,6 +12,11 @@ import viscera
 PROGRAMS = pathlib.Path(os.environ.get("VISCERA_BIN", "build/bin"))
 
 
+def resident_kb():
+    """Memory of this process now: not the most that it ever had, which hides what grows below it."""
+    return int(pathlib.Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
+
+
 def cube(cells=3, edge=50.0):
     """Points (mm) and tets of a cube, six tets a cell (Kuhn)."""
     n = cells + 1

@@ -13,7 +13,7 @@ import types
 import numpy as np
 import pytest
 import viscera
-from conftest import falling, read_nrrd
+from conftest import falling, read_nrrd, resident_kb
 
 PHANTOM = pathlib.Path("sample_data/phantom.nrrd")
 MATERIALS = {"liver": 1, "tumour": 2, "vessels": 3}
@@ -266,3 +266,19 @@ viscera.read_labels
 assert "_preparation" in open("/proc/self/maps").read()
 """
     subprocess.run([sys.executable, "-c", script], check=True)
+
+
+def test_labels_surfaces_and_meshes_that_are_gone_leave_no_memory():
+    def one():
+        labels = viscera.read_labels(ball(), (1.0, 1.0, 1.0))
+        with pytest.raises(viscera.Error):
+            labels.tet_mesh(cell_size="600 mm")
+        return labels.surface().tet_mesh(cell_size="3 mm").points
+
+    for _ in range(15):
+        one()
+    before = resident_kb()
+    for _ in range(30):
+        one()
+    # One mesh with its labels and surface takes some 300 kB.
+    assert resident_kb() - before < 3000

@@ -2,7 +2,6 @@
 
 import csv
 import os
-import resource
 import signal
 import subprocess
 import threading
@@ -11,7 +10,7 @@ import time
 import numpy as np
 import pytest
 import viscera
-from conftest import PROGRAMS, cube, falling
+from conftest import PROGRAMS, cube, falling, resident_kb
 
 
 def test_a_body_that_nothing_holds_falls_as_galilei_says(mesh):
@@ -152,9 +151,6 @@ def test_a_run_that_is_broken_off_goes_on_from_its_last_frame(mesh):
 
 
 def test_simulations_that_are_gone_leave_no_memory(mesh):
-    def resident_kb():
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
     def one():
         sim = viscera.Simulation(mesh, falling(), threads=1)
         sim.step()
