@@ -1,6 +1,7 @@
 #include "pipeline/python/arrays.hpp"
 
 #include "pipeline/base/json_value.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera::python {
 
@@ -47,6 +48,16 @@ py::object object_of(const Json& value) {
     return dict;
   }
   return py::none();
+}
+
+std::vector<int> labels_of_each(const py::object& given, std::size_t count, const char* each) {
+  if (given.is_none()) return std::vector<int>(count, 1);
+  return numbers_of<int>(given, "labels", count, each, max_label);
+}
+
+void look_for_signals() {
+  const py::gil_scoped_acquire held;
+  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }
 
 std::map<int, std::string> names_for(const std::vector<int>& labels,

@@ -96,9 +96,23 @@ py::array view_of(const std::vector<Row>& rows, const py::object& owner) {
   return view;
 }
 
+// The labels of `count`, which are called `each`: those given, or 1 for None.
+std::vector<int> labels_of_each(const py::object& given, std::size_t count, const char* each);
+
 // The materials' names: those given, and label_N for the others.
 std::map<int, std::string> names_for(const std::vector<int>& labels,
                                      const std::map<int, std::string>& given);
+
+// work() while other threads run.
+template <class Work>
+auto beside_others(Work&& work) {
+  const py::gil_scoped_release others_may_run;
+  return work();
+}
+
+// Throws what Ctrl-C, or another signal that Python handles, ends the work with; for those beside
+// others, too.
+void look_for_signals();
 
 // What a class with `said` (named_mesh.hpp) says of itself.
 template <class Class>

@@ -21,9 +21,7 @@ NamedMesh mesh_of(const py::object& points, const py::object& tets, const py::ob
   TetMesh& mesh = named.mesh;
   mesh.points = rows_of<double, 3>(points, "points");
   mesh.tets = whole_rows_of<4>(tets, "tets", std::numeric_limits<int>::max());
-  mesh.labels = labels.is_none()
-                    ? std::vector<int>(mesh.tets.size(), 1)
-                    : numbers_of<int>(labels, "labels", mesh.tets.size(), "tet", max_label);
+  mesh.labels = labels_of_each(labels, mesh.tets.size(), "tet");
   mesh.label_names = names_for(mesh.labels, names);
   for (const auto& [name, inside] : regions) {
     mesh.regions[py::str(name).cast<std::string>()] = numbers_of<char>(
@@ -73,23 +71,19 @@ class Guarded {
     const py::gil_scoped_release others_may_run;
     for (int k = 0; k < frames; ++k) {
       simulation_->step();
-      const py::gil_scoped_acquire held;
       look_for_signals();
     }
   }
 
   py::dict run(const py::object& progress) {
     const auto lock = alone();
-    Outcome outcome;
-    {
-      const py::gil_scoped_release others_may_run;
-      outcome = simulation_->run([&progress](const ComputedFrame& frame) {
+    return told(beside_others([&] {
+      return simulation_->run([&progress](const ComputedFrame& frame) {
         const py::gil_scoped_acquire held;
         look_for_signals();
         if (!progress.is_none()) progress(frame.index, frame.time_s, frame.now.max_speed);
       });
-    }
-    return told(outcome);
+    }));
   }
 
   py::array displacements() {
@@ -126,11 +120,7 @@ class Guarded {
   // [tets][3][3] Pa, symmetric.
   py::array stress() {
     const auto lock = alone();
-    std::vector<sim::Strained> tets;
-    {
-      const py::gil_scoped_release others_may_run;
-      tets = simulation_->strained();
-    }
+    const auto tets = beside_others([this] { return simulation_->strained(); });
     py::array_t<double> all(
         {static_cast<py::ssize_t>(tets.size()), py::ssize_t{3}, py::ssize_t{3}});
     auto entry = all.mutable_unchecked<3>();
@@ -146,12 +136,9 @@ class Guarded {
   // [vertices][3] N.
   py::array forces() {
     const auto lock = alone();
-    auto found = std::make_shared<std::vector<sim::Vec3<double>>>();
-    {
-      const py::gil_scoped_release others_may_run;
-      *found = simulation_->forces();
-    }
-    return view_of<double>(*found, keeper_of<std::vector<sim::Vec3<double>>>(found));
+    const auto found = std::make_shared<const std::vector<sim::Vec3<double>>>(
+        beside_others([this] { return simulation_->forces(); }));
+    return view_of<double>(*found, keeper_of(found));
   }
   void set(const std::string& name, double value) {
     const auto lock = alone();
@@ -167,11 +154,7 @@ class Guarded {
       throw py::value_error(
           fmt::format("by_displacement: {} rows, allowed: {}, one a vertex", slope.size(), n));
     }
-    std::vector<double> found;
-    {
-      const py::gil_scoped_release others_may_run;
-      found = simulation_->gradient(slope, names);
-    }
+    const auto found = beside_others([&] { return simulation_->gradient(slope, names); });
     py::dict gradient;
     for (std::size_t k = 0; k < names.size(); ++k) gradient[py::str(names[k])] = found[k];
     return gradient;
@@ -183,10 +166,6 @@ class Guarded {
   const Simulation& read() const { return *simulation_; }
 
  private:
-  static void look_for_signals() {
-    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-  }
-
   std::unique_lock<std::mutex> alone() {
     std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
     if (!lock) throw std::runtime_error("another thread is stepping this simulation");

@@ -48,19 +48,10 @@ SurfaceMesh triangles_of(const py::object& points, const py::object& triangles,
   SurfaceMesh surface;
   surface.points = rows_of<double, 3>(points, "points");
   surface.triangles = whole_rows_of<3>(triangles, "triangles", std::numeric_limits<int>::max());
-  surface.labels = labels.is_none() ? std::vector<int>(surface.triangles.size(), 1)
-                                    : numbers_of<int>(labels, "labels", surface.triangles.size(),
-                                                      "triangle", max_label_id);
+  surface.labels = labels_of_each(labels, surface.triangles.size(), "triangle");
   surface.label_names = names_for(surface.labels, names);
   check_surface(surface);
   return surface;
-}
-
-// work() while other threads run.
-template <class Work>
-auto beside_others(Work&& work) {
-  const py::gil_scoped_release others_may_run;
-  return work();
 }
 
 // Voxels in the order of their axes, [k][j][i], as a view.
@@ -149,11 +140,6 @@ void define_surface(py::module_& module) {
                            self.mesh.points.size());
       });
   define_said(surface);
-}
-
-void look_for_signals() {
-  const py::gil_scoped_acquire held;
-  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }
 
 }  // namespace

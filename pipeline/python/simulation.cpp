@@ -147,19 +147,14 @@ std::vector<double> Simulation::gradient(const std::vector<sim::Vec3<double>>& b
                                          setup_.file.element.value_or(sim::Element::linear),
                                          by_displacement, [] {});
       for (const std::string& name : names) {
-        const auto changed_by = [&](double sign) {
-          SceneFile file = setup_.file;
-          const SceneNumber number = scene_number(file, name, where);
-          number.value += sign * number.step;
-          return file;
-        };
-        SceneFile unchanged = setup_.file;
-        const double step = scene_number(unchanged, name, where).step;
-        const SceneFile less = changed_by(-1.0), more = changed_by(1.0);
+        SceneFile less = setup_.file, more = setup_.file;
+        const SceneNumber lower = scene_number(less, name, where),
+                          upper = scene_number(more, name, where);
+        lower.value -= lower.step, upper.value += upper.step;
         const sim::Model body_less = body_of(run_, less, setup_.mesh),
                          body_more = body_of(run_, more, setup_.mesh);
         gradient.push_back(sensitivity.between({body_less, less.scene}, {body_more, more.scene}) /
-                           (2.0 * step));
+                           (lower.step + upper.step));
       }
     } catch (const sim::Diverged& end) {
       throw diverged(end.what());

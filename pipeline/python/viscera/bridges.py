@@ -16,26 +16,27 @@ if TYPE_CHECKING:
 TETRA, TRIANGLE = 10, 5  # VTK's numbers of cell types
 
 
+def _array(values: NDArray[Any], deep: bool = False) -> Any:
+    return importlib.import_module("vtkmodules.util.numpy_support").numpy_to_vtk(values, deep=deep)
+
+
 def _set_points(data: Any, points: NDArray[np.float64]) -> None:
-    numpy_to_vtk = importlib.import_module("vtkmodules.util.numpy_support").numpy_to_vtk
     places = importlib.import_module("vtkmodules.vtkCommonCore").vtkPoints()
-    places.SetData(numpy_to_vtk(points))
+    places.SetData(_array(points))
     data.SetPoints(places)
 
 
 def _cells(corners: NDArray[np.int32]) -> Any:
-    numpy_to_vtk = importlib.import_module("vtkmodules.util.numpy_support").numpy_to_vtk
     count, size = corners.shape
     cells = importlib.import_module("vtkmodules.vtkCommonDataModel").vtkCellArray()
     offsets = np.arange(count + 1, dtype=np.int64) * size
-    cells.SetData(numpy_to_vtk(offsets, deep=True), numpy_to_vtk(corners.astype(np.int64).ravel(), deep=True))
+    cells.SetData(_array(offsets, deep=True), _array(corners.astype(np.int64).ravel(), deep=True))
     return cells
 
 
 def _add(to: Any, arrays: Mapping[str, NDArray[Any]]) -> None:
-    numpy_to_vtk = importlib.import_module("vtkmodules.util.numpy_support").numpy_to_vtk
     for name, values in arrays.items():
-        array = numpy_to_vtk(values.view(np.uint8) if values.dtype == np.bool_ else values)
+        array = _array(values.view(np.uint8) if values.dtype == np.bool_ else values)
         array.SetName(name)
         to.AddArray(array)
 
