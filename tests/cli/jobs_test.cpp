@@ -170,13 +170,17 @@ TEST_F(Jobs, EventsForProgramsAreLinesOfJson) {
   EXPECT_EQ(result.exit, 5);
   std::istringstream lines(result.errors);
   std::string kinds;
+  int settled = 0, stages = -1;
   for (std::string line; std::getline(lines, line);) {
     const Json json = Json::parse(line, nullptr, false);
     ASSERT_TRUE(json.is_object()) << line;
     if (!json.contains("event")) continue;
     kinds += json["event"].get<std::string>() + " " + json["stage"].get<std::string>() + " " +
              std::to_string(json["exit"].get<int>()) + "\n";
+    settled = json["settled"].get<int>();
+    stages = json["stages"].get<int>();
   }
+  EXPECT_EQ(settled, stages) << "the last of all is among those that have ended";
   EXPECT_EQ(kinds,
             "started alpha 0\nran alpha 0\nstarted beta 0\nran beta 5\nstarted echo 0\nran echo "
             "0\n");

@@ -298,8 +298,8 @@ class Runner {
                 .gates = manifest.gates};
     if (!ran) retell(plan_[i].label(), manifest);
     worst_ = std::max(worst_, manifest.exit);
-    event(ran ? "ran" : "cached", i, manifest.exit, manifest.message);
     settle(i);
+    event(ran ? "ran" : "cached", i, manifest.exit, manifest.message);
     const bool many = !plan_.front().case_name.empty();
     if (ran && many && !terminal_) log::info("{}: ended; {}", plan_[i].label(), outlook());
   }
@@ -310,12 +310,12 @@ class Runner {
     rows_[i].state = "failed";
     failures_[i] = {error.code(), message};
     if (folders_.is_open(i)) folders_.note_failure(i, *failures_[i]);
+    settle(i);
     event("failed", i, error.code(), message);
     if (*error.what() && (options_.spec.keep_going || failure_)) {
       log::error("{}: {}", plan_[i].label(), error.what());
     }
     if (!failure_) failure_ = error;
-    settle(i);
   }
 
   void settle(std::size_t i) {
