@@ -17,9 +17,11 @@
 #include "sim/model/start.hpp"
 #include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/xpbd/viscous_step.hpp"
+#include "stages/mesh/export_text.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
+#include "stages/simulate/exchange/static_problem.hpp"
 #include "stages/simulate/explicit_watch.hpp"
 #include "stages/simulate/frame_columns.hpp"
 #include "stages/simulate/frame_loop.hpp"
@@ -231,6 +233,15 @@ void report_solver_error(StageRun& run, const sim::Stability& stability, const s
   }
 }
 
+// The body with its supports and loads, for other programs to solve.
+void write_formats(StageRun& run, const SceneFile& file, const TetMesh& mesh,
+                   const sim::Model& model) {
+  const auto asked = export_text::asked_formats(run.params().at("formats"), scene_formats());
+  if (asked.empty()) return;
+  const StaticProblem problem = static_problem(file, mesh, model);
+  for (const SceneFormat& format : asked) format.write(run.out(format.file), problem);
+}
+
 void simulate(StageRun& run) {
   auto [file, mesh, model] = set_up(run);
   const std::vector<sim::Probe> probes = read_probes(run, model);
@@ -240,6 +251,7 @@ void simulate(StageRun& run) {
   const sim::Element element = report_element(run, file);
   if (run.param<bool>("forces")) check_forces(run, options.method);
   if (run.param<bool>("stress")) check_stress(run, file.scene, options.method);
+  write_formats(run, file, mesh, model);
   report_scheme(run, options, why);
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
   report_stability(run, stability, file.scene, asked_substeps, options.method);
@@ -319,6 +331,23 @@ void simulate(StageRun& run) {
   }
 }
 
+std::vector<OutputFile> outputs() {
+  std::vector<OutputFile> files = {
+      {.file = "trajectory.h5", .role = "trajectory", .doc = "positions by frame"},
+      {.file = "trajectory.xdmf", .doc = "opens trajectory.h5 in ParaView"},
+      {.file = "metrics.csv", .doc = "energies, volume, speed, contacts by frame"},
+      {.file = "checkpoint.h5", .role = "checkpoint", .doc = "the last good state, to go on from"},
+      {.file = "landmarks.csv", .doc = "where landmarks are at the end, LPS mm"},
+      {.file = "landmarks.mrk.json", .doc = "the same, for 3D Slicer"},
+      {.file = "stress.vtu",
+       .role = "stress",
+       .doc = "stress and strain at the end, where `stress` asks for them"},
+      {.file = "scene.json", .doc = "the scene as it ran, SI, defaults spelled out"}};
+  for (const SceneFormat& format : scene_formats())
+    files.push_back({.file = format.file, .doc = format.doc});
+  return files;
+}
+
 std::vector<Param> params() {
   std::vector<Param> all = solver_params();
   all.push_back({.name = "substeps",
@@ -350,6 +379,12 @@ std::vector<Param> params() {
                  .fallback = false,
                  .doc = "writes the stress and strain of the body at the end, in tets and at their "
                         "corners: stress.vtu"});
+  all.push_back({.name = "formats",
+                 .type = ParamType::list,
+                 .fallback = Json::array(),
+                 .doc =
+                     "writes the body with the scene's supports and loads for other finite element "
+                     "programs: inp (CalculiX, Abaqus), feb (FEBio 4)"});
   all.push_back(probes_param());
   all.push_back({.name = "repeat",
                  .type = ParamType::integer,
@@ -385,19 +420,7 @@ const Stage& simulate_stage() {
                       {.role = "checkpoint",
                        .required = false,
                        .doc = "checkpoint.h5 of a run of this mesh and scene, to go on from"}},
-           .outputs = {{.file = "trajectory.h5", .role = "trajectory", .doc = "positions by frame"},
-                       {.file = "trajectory.xdmf", .doc = "opens trajectory.h5 in ParaView"},
-                       {.file = "metrics.csv", .doc = "energies, volume, speed, contacts by frame"},
-                       {.file = "checkpoint.h5",
-                        .role = "checkpoint",
-                        .doc = "the last good state, to go on from"},
-                       {.file = "landmarks.csv", .doc = "where landmarks are at the end, LPS mm"},
-                       {.file = "landmarks.mrk.json", .doc = "the same, for 3D Slicer"},
-                       {.file = "stress.vtu",
-                        .role = "stress",
-                        .doc = "stress and strain at the end, where `stress` asks for them"},
-                       {.file = "scene.json",
-                        .doc = "the scene as it ran, SI, defaults spelled out"}},
+           .outputs = outputs(),
            .params = params(),
            .gates = simulate_gates::all(),
            .libraries = {{"HDF5", hdf5_version()}, {"VTK", vtk_version()}},
@@ -407,6 +430,7 @@ const Stage& simulate_stage() {
           [](const StageRun& run) {
             translated(run, [&run] {
               check_probes(run);
+              export_text::asked_formats(run.params().at("formats"), scene_formats());
               SceneFile file = scene_of(run, run.params().at("change"));
               sim::check_scene(file.scene);
               for (const auto& change : file.schedule) {

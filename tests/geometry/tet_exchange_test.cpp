@@ -12,6 +12,7 @@
 
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
+#include "stages/mesh/export_text.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
@@ -80,7 +81,8 @@ TEST(Patches, EveryBoundaryAndInterfaceTriangleIsInOneNamedPatchAndPointsOut) {
 }
 
 TEST(Identifiers, AreWhatTheStrictestFormatTakesAndNeverCollide) {
-  const auto names = identifiers({{1, "Liver"}, {2, "liver"}, {3, "7 up"}, {4, ""}, {5, "a b"}});
+  const auto names =
+      export_text::identifiers({{1, "Liver"}, {2, "liver"}, {3, "7 up"}, {4, ""}, {5, "a b"}});
   EXPECT_EQ(names.at(1), "Liver");
   EXPECT_EQ(names.at(2), "liver_2");
   EXPECT_EQ(names.at(3), "m_7_up");

@@ -3,28 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <set>
 
 #include "pipeline/base/error.hpp"
 #include "sim/base/tet_face.hpp"
+#include "stages/mesh/export_text.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/mesh/tet_topology.hpp"
 
 namespace viscera {
 namespace {
 
-constexpr std::size_t longest_identifier = 60;
-
 std::string name_of(const TetMesh& mesh, int label) {
   const auto found = mesh.label_names.find(label);
   return found == mesh.label_names.end() ? fmt::format("label_{}", label) : found->second;
-}
-
-std::vector<std::string> format_names() {
-  std::vector<std::string> names;
-  for (const auto& format : tet_formats()) names.push_back(format.name);
-  return names;
 }
 
 }  // namespace
@@ -83,23 +75,9 @@ const std::vector<TetFormat>& tet_formats() {
 }
 
 std::vector<TetFormat> chosen_formats(const Json& formats) {
-  std::set<std::string> wanted{"vtu"};
-  const auto names = format_names();
-  for (const auto& item : formats) {
-    const std::string name = item.is_string() ? item.get<std::string>() : item.dump();
-    if (!std::count(names.begin(), names.end(), name)) {
-      throw Error(ExitCode::bad_config, {.where = "parameters",
-                                         .field = "formats",
-                                         .found = name,
-                                         .allowed = fmt::format("{}", fmt::join(names, ", ")),
-                                         .remedy = suggest(name, names)});
-    }
-    wanted.insert(name);
-  }
-  std::vector<TetFormat> chosen;
-  for (const auto& format : tet_formats())
-    if (wanted.count(format.name)) chosen.push_back(format);
-  return chosen;
+  Json asked = formats;
+  asked.push_back(tet_formats().front().name);
+  return export_text::asked_formats(asked, tet_formats());
 }
 
 std::map<int, Elastic> read_materials(const Json& given, const std::map<int, std::string>& names) {
@@ -129,27 +107,6 @@ std::map<int, Elastic> read_materials(const Json& given, const std::map<int, std
     materials[label->first] = {m["E"], m["nu"], m["density"]};
   }
   return materials;
-}
-
-std::map<int, std::string> identifiers(const std::map<int, std::string>& names) {
-  std::map<int, std::string> made;
-  std::set<std::string> taken;
-  for (const auto& [id, name] : names) {
-    std::string text;
-    for (const char c : name.substr(0, longest_identifier - 8))
-      text += std::isalnum(static_cast<unsigned char>(c)) ? c : '_';
-    if (text.empty() || !std::isalpha(static_cast<unsigned char>(text[0]))) text = "m_" + text;
-    const auto lower = [](std::string s) {
-      for (char& c : s) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-      return s;
-    };
-    if (!taken.insert(lower(text)).second) {
-      text += fmt::format("_{}", id);
-      taken.insert(lower(text));
-    }
-    made[id] = text;
-  }
-  return made;
 }
 
 }  // namespace viscera

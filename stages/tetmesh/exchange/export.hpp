@@ -55,10 +55,6 @@ std::vector<TetFormat> chosen_formats(const Json& formats);
 // the mesh does not have and for bad quantities.
 std::map<int, Elastic> read_materials(const Json& given, const std::map<int, std::string>& names);
 
-// Letters, digits and underscores, a letter first, at most 60 of them, and different for every id
-// whatever the case of the letters: what the strictest format takes for a name.
-std::map<int, std::string> identifiers(const std::map<int, std::string>& names);
-
 // Into the current gmsh session: the patches as discrete surfaces 1, 2, ... with their nodes, whose
 // tags are the points' numbers plus 1.
 void add_surfaces(const TetExport& body);

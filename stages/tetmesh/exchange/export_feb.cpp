@@ -2,36 +2,13 @@
 // patch. Units mm, N, t, s, hence MPa and t/mm3. A label whose material was not given gets one
 // without E and v, which FEBio refuses, instead of invented constants.
 #include "pipeline/base/atomic_file.hpp"
+#include "stages/mesh/export_text.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
-#include "stages/tetmesh/exchange/export_text.hpp"
 
 namespace viscera {
 namespace {
 
 using namespace export_text;
-
-std::string escaped(const std::string& text) {
-  std::string safe;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        safe += "&amp;";
-        break;
-      case '<':
-        safe += "&lt;";
-        break;
-      case '>':
-        safe += "&gt;";
-        break;
-      case '"':
-        safe += "&quot;";
-        break;
-      default:
-        safe += c;
-    }
-  }
-  return safe;
-}
 
 void put_feb_materials(Buffer& text, const TetExport& body,
                        const std::map<int, std::string>& names) {

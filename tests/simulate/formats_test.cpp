@@ -1,0 +1,96 @@
+// A scene as input of other finite element programs, solved by one of them.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "stages/simulate/checkpoint.hpp"
+#include "tests/common/needs.hpp"
+#include "tests/simulate/simulate_run.hpp"
+
+namespace viscera {
+namespace {
+
+// Stiff, so that CalculiX's Neo-Hookean law and ours are one to a part in a thousand.
+const char* const stiff_scene = R"(scene: 1
+materials:
+  liver: {E: 200 kPa, nu: 0.4, density: 1060 kg/m3}
+effects:
+  neo_hookean:
+  fixed: {side: superior}
+time: {frame_rate: 10 Hz, substeps: 1, end: 1 s}
+)";
+
+// Displacements by node, mm: lines ` -1`, a node in 10 columns and three numbers in 12 each, after
+// the line that names DISP.
+std::map<int, std::array<double, 3>> calculix_displacements(const fs::path& file) {
+  std::map<int, std::array<double, 3>> found;
+  std::ifstream in(file);
+  bool is_wanted = false;
+  for (std::string line; std::getline(in, line);) {
+    if (line.starts_with(" -4")) is_wanted = line.find("DISP") != std::string::npos;
+    if (!is_wanted || !line.starts_with(" -1") || line.size() < 13 + 3 * 12) continue;
+    for (int k = 0; k < 3; ++k)
+      found[std::stoi(line.substr(3, 10)) - 1][k] = std::stod(line.substr(13 + 12 * k, 12));
+  }
+  return found;
+}
+
+class SceneFormats : public Simulate {
+ protected:
+  // Root mean square by which finite elements here and CalculiX on the file differ, over that of
+  // the displacement.
+  double difference(const std::string& scene, int order) {
+    EXPECT_EQ(run(scene, {"--set", "solver=fem", "--set", "fem_time=quasi_static", "--set",
+                          fmt::format("fem_order={}", order), "--set",
+                          "element=" + std::string(order == 1 ? "linear" : "auto"), "--set",
+                          "formats=[inp]"}),
+              0)
+        << errors;
+    const std::string command =
+        fmt::format("cd '{}' && OMP_NUM_THREADS=1 ccx scene > ccx.log 2>&1", path("out").string());
+    EXPECT_EQ(std::system(command.c_str()), 0) << read_file(path("out") / "ccx.log");
+    const auto judged = calculix_displacements(path("out") / "scene.frd");
+    const std::size_t vertices = metric("vertices").get<std::size_t>();
+    const sim::State own =
+        read_checkpoint(path("out") / "checkpoint.h5", vertices, {.frame_s = 0.1, .substeps = 1});
+    double off = 0.0, all = 0.0;
+    for (std::size_t i = 0; i < vertices; ++i) {
+      const auto& u = judged.at(static_cast<int>(i));
+      const sim::Vec3<double> truth = {u[0], u[1], u[2]}, miss = 1e3 * own.u[i] - truth;
+      off += dot(miss, miss), all += dot(truth, truth);
+    }
+    EXPECT_GT(all, 0.0);
+    return std::sqrt(off / all);
+  }
+};
+
+TEST_F(SceneFormats, CalculixFindsTheSameRestFromTheFile) {
+  VISCERA_NEEDS(installed("ccx"), "calculix-ccx is not installed");
+  const auto adding = [](const char* effect) {
+    return with(stiff_scene, "  fixed:", fmt::format("  {}\n  fixed:", effect));
+  };
+  const std::pair<const char*, std::string> scenes[] = {
+      {"gravity", adding("gravity: {direction: [1, 0, -2]}")},
+      {"load", adding("load: {side: inferior, force: [0.2 N, 0.1 N, -0.3 N]}")},
+      {"pressure", adding("pressure: {side: left, pressure: 300 Pa}")},
+      {"prescribed",
+       adding(
+           "prescribed: {side: inferior, displacement: [0.3 mm, 0 mm, -0.4 mm], duration: 0.5 s}")},
+      {"spring", with(adding("gravity:"), "fixed: {side: superior}",
+                      "spring: {side: superior, stiffness: 20 kPa/mm}")},
+      {"stvk", with(adding("gravity:"), "neo_hookean:", "stvk:")},
+      {"linear", with(adding("gravity:"), "neo_hookean:", "linear:")}};
+  for (const auto& [name, scene] : scenes) {
+    const bool is_tissue = scene.find("neo_hookean") != std::string::npos;
+    EXPECT_LT(difference(scene, 1), 1e-3) << name;
+    // Finite elements here have no pressure on quadratic tets.
+    if (is_tissue && name != std::string("pressure")) {
+      EXPECT_LT(difference(scene, 2), 1e-3) << name << ", quadratic tets";
+    }
+  }
+}
+
+}  // namespace
+}  // namespace viscera
