@@ -5,6 +5,7 @@
 
 #include "stages/mesh/tet_topology.hpp"
 #include "stages/tetmesh/improve/improve_stars.hpp"
+#include "stages/tetmesh/improve/project_planes.hpp"
 #include "tests/geometry/improve_shapes.hpp"
 
 namespace viscera {
@@ -132,6 +133,47 @@ TEST(Collapse, ANeedleGoesAndTheMaterialsKeepTheirVolumes) {
   EXPECT_NEAR(volume_of(mesh, 1), first, 1e-12);
   EXPECT_NEAR(volume_of(mesh, 2), second, 1e-12);
   expect_sound(mesh);
+}
+
+// Above a quality that is good enough, no point gets more tets than the limit for a better one.
+TEST(Collapse, AGoodTetDoesNotGiveWayWhereAPointWouldGetTooManyTets) {
+  int collapsed = 0;
+  for (unsigned seed = 1; seed <= 8; ++seed) {
+    const TetMesh mesh = shaken_cube(4, 0.35, seed);
+    const Projector none;
+    const Stars free(mesh, none, {.valence = 1000}), crowded(mesh, none, {.valence = 1});
+    for (int gone = 0; gone < static_cast<int>(mesh.points.size()); ++gone) {
+      if (free.worst(free.star(gone)) < crowding_bar) continue;
+      for (const int kept : free.neighbours(gone)) {
+        Stars after = free, same = crowded;
+        if (!collapse_edge(after, gone, kept)) continue;
+        ++collapsed;
+        EXPECT_FALSE(collapse_edge(same, gone, kept)) << gone << " onto " << kept;
+      }
+    }
+  }
+  EXPECT_GT(collapsed, 0);
+}
+
+// A plane that cuts two materials makes four parts of them, which meet in a line.
+TEST(Collapse, ALineWhereAPlaneMeetsAnInterfaceLosesPointsButNotOneOfThreeMaterials) {
+  const int middle = (2 * 5 + 2) * 5 + 2, next = middle + 5;
+  const Projector anywhere = [](const Vec& p, const std::vector<int>&) {
+    return Contact{p, {{0, 0, 1}}};
+  };
+  for (const bool third : {false, true}) {
+    TetMesh mesh = shaken_cube(4, 0.0, 1);
+    for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+      double x = 0.0;
+      for (const int corner : mesh.tets[t]) x += 0.25 * mesh.points[corner][0];
+      if (x > 0.5) mesh.labels[t] = (third && mesh.labels[t] == 2 ? 3 : mesh.labels[t]) + part_step;
+    }
+    const Vec way = sub(mesh.points[next], mesh.points[middle]);
+    mesh.points[middle] = sub(mesh.points[next], scale(0.02, way));
+    Stars stars(mesh, anywhere);
+    ASSERT_EQ(stars.labels_at(middle).size(), 4u);
+    EXPECT_EQ(collapse_edge(stars, middle, next), !third);
+  }
 }
 
 // A column on a triangle; half way up two points of its rim lie close together.

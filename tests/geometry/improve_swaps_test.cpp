@@ -54,6 +54,24 @@ TEST(TetQualityOfTheImprover, IsOneForARegularTetAndFallsForEveryKindOfBadOne) {
   EXPECT_LT(tet_quality(a, b, c, d, 20.0 * edge), 0.1);  // well shaped, but far too small
 }
 
+// Two equilateral triangles that meet at an angle: for the sharper ones it is the least of the
+// tet's dihedral angles, for the wider ones the largest, and what judges it.
+TEST(TetQualityOfTheImprover, IsTheSmallestOrLargestDihedralAngleOverThatOfARegularTet) {
+  const double height = std::sqrt(0.75), regular = std::acos(1.0 / 3.0), pi = std::numbers::pi;
+  const auto quality = [&](double angle) {
+    return tet_quality({0, 0, 0}, {1, 0, 0}, {0.5, height, 0},
+                       {0.5, height * std::cos(angle), height * std::sin(angle)}, 1.0);
+  };
+  for (double degrees = 10.0; degrees < 68.0; degrees += 1.5) {
+    const double angle = degrees * pi / 180.0;
+    EXPECT_NEAR(quality(angle), angle / regular, 1e-6) << degrees;
+  }
+  for (double degrees = 120.0; degrees < 170.0; degrees += 2.0) {
+    const double angle = degrees * pi / 180.0;
+    EXPECT_LE(quality(angle), (pi - angle) / (pi - regular) + 1e-6) << degrees;
+  }
+}
+
 // What judges a needle is its scaled Jacobian, at the corner with the longest edges.
 TEST(TetQualityOfTheImprover, DoesNotDependOnWhichCornerOfANeedleComesFirst) {
   const Vec needle[4] = {{0, 0, 1}, {0.05, 0, 0}, {-0.03, 0.05, 0}, {-0.03, -0.05, 0}};
@@ -261,6 +279,14 @@ TEST(EdgeSwap, TheMeanRisesOrNothingChanges) {
   EXPECT_NEAR(volume_of(mesh, 1), 0.5, 1e-9);
 }
 
+TEST(EdgeSwap, TetsAboveTheFloorGiveWayToBetterOnesAlone) {
+  for (const double height : {0.7, 1.6}) {  // the edge is the shortest way through, or the longest
+    const Projector none;
+    Stars stars(ring_of(4, height), none);
+    EXPECT_EQ(swap_edge(stars, 0, 1, 0.05), height > 1.0) << height;
+  }
+}
+
 TEST(FaceFlip, TwoTetsOnTheSameCornersHaveNoPointAcross) {
   const TetMesh tangled{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
                         .tets = {{0, 1, 2, 3}, {0, 2, 1, 3}},
@@ -306,6 +332,14 @@ TEST(Crowding, CountsTheTetsThatAPointGetsLessThoseThatItLoses) {
   EXPECT_FALSE(crowds(3, three));
   EXPECT_TRUE(crowds(2, three));
   EXPECT_FALSE(crowds(1, same)) << "too many for this limit, but no more than before";
+}
+
+TEST(Crowding, APointIsBusyWithMoreTetsThanTheLimitNotWithAsMany) {
+  const TetMesh mesh = ring_of(5, 1.0);
+  const Projector none;
+  EXPECT_TRUE(Stars(mesh, none, {.valence = 4}).is_busy(0));
+  EXPECT_FALSE(Stars(mesh, none, {.valence = 5}).is_busy(0));
+  EXPECT_TRUE(Stars(mesh, none, {.valence = 5}).is_busy(0, 1));
 }
 
 }  // namespace

@@ -69,6 +69,14 @@ TEST(Improve, EveryMoveIsCounted) {
   EXPECT_GE(result.moves, static_cast<std::size_t>(moved));
 }
 
+// No tet reaches the goal, so that all of them are worked on one by one.
+TEST(Improve, MovesAroundSingleTetsAreCountedToo) {
+  TetMesh mesh = shaken_cube(4, 0.3, 2);
+  const auto result = improve(mesh, {}, {.goal = 0.99, .poor = 0.0, .rounds = 4});
+  EXPECT_GT(result.moves, 50u);
+  EXPECT_LT(result.moves, 20u * mesh.points.size() * mesh.tets.size()) << "fewer than none";
+}
+
 TEST(Improve, PointsAreAddedOnlyWhereMovingThoseAroundDoesNotHelp) {
   for (unsigned seed = 1; seed <= 6; ++seed) {
     TetMesh mesh = shaken_cube(6, 0.25, seed);

@@ -59,6 +59,16 @@ TEST(OnACurve, APointFindsTheLineWhereThreeRegionsMeetAndTheNormalsThere) {
   }
 }
 
+TEST(OnACurve, NoPlaceIsFoundForOneLabelAloneNorForFour) {
+  const LabelImage image = three_sectors();
+  const MaterialFields fields(image, 1.0);
+  const Projector project = field_projector(fields);
+  const Vec axis = image.frame.to_lps({16, 16, 15.3});
+  EXPECT_TRUE(project(axis, {1, 2, 3}));
+  EXPECT_FALSE(project(axis, {0, 1, 2, 3}));
+  EXPECT_FALSE(project(axis, {1}));
+}
+
 TEST(OnASurface, TheNormalIsThatOfTheSurfaceInLps) {
   LabelImage image = viscera::testing::draw(24, {1.0, 1.2, 0.9}, [](double x, double y, double z) {
     return x + 0.5 * y - 0.7 * z > 0.0 ? 2 : 1;
