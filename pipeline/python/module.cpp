@@ -75,15 +75,14 @@ class Guarded {
     }
   }
 
-  py::dict run(const py::object& progress) {
+  py::dict run(const py::object& progress, std::optional<double> until_s) {
     const auto lock = alone();
-    return told(beside_others([&] {
-      return simulation_->run([&progress](const ComputedFrame& frame) {
-        const py::gil_scoped_acquire held;
-        look_for_signals();
-        if (!progress.is_none()) progress(frame.index, frame.time_s, frame.now.max_speed);
-      });
-    }));
+    const auto keep = [&progress](const ComputedFrame& frame) {
+      const py::gil_scoped_acquire held;
+      look_for_signals();
+      if (!progress.is_none()) progress(frame.index, frame.time_s, frame.now.max_speed);
+    };
+    return told(beside_others([&] { return simulation_->run(keep, until_s); }));
   }
 
   py::array displacements() {
@@ -263,7 +262,7 @@ void define_simulation(py::module_& module) {
             return std::make_unique<Guarded>(mesh, scene, values);
           }))
       .def("step", &Guarded::step, py::arg("frames") = 1)
-      .def("run", &Guarded::run, py::arg("progress") = py::none())
+      .def("run", &Guarded::run, py::arg("progress") = py::none(), py::arg("until") = py::none())
       .def("diagnose", &Guarded::diagnose)
       .def("set", &Guarded::set)
       .def("gradient", &Guarded::gradient)

@@ -61,25 +61,31 @@ void Simulation::follow_solver() {
   setting_ = schedule_->at(time_s() - scene().time.frame_s);
 }
 
-Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep) {
+Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep,
+                        std::optional<double> until_s) {
   state_.reset();
   FrameOptions frames = frame_options(run_, setup_.file, setup_.model, options_);
   frames.keep = [&keep](const ComputedFrame& frame, const sim::State&) { keep(frame); };
   frames.probes = probes_;
   if (watch_) frames.objects = std::ref(*watch_);
+  sim::Scene& scene = setup_.file.scene;
+  const auto end = [this, &scene, time = scene.time, rest = scene.rest] {
+    scene.time = time, scene.rest = rest;
+    follow_solver();
+  };
+  if (until_s) scene.time.end_s = *until_s, scene.rest.hold_s = sim::never;
   Outcome outcome;
   try {
-    translated(run_, [&] {
-      outcome = run_frames(*solver_, setup_.model, setup_.file.scene, *schedule_, frames);
-    });
+    translated(run_,
+               [&] { outcome = run_frames(*solver_, setup_.model, scene, *schedule_, frames); });
   } catch (...) {
-    follow_solver();
+    end();
     throw;
   }
-  if (outcome.frames.empty()) throw diverged(outcome.divergence);
   // A device may have gone on.
-  solver_->set_state(outcome.last);
-  follow_solver();
+  if (!outcome.frames.empty()) solver_->set_state(outcome.last);
+  end();
+  if (outcome.frames.empty()) throw diverged(outcome.divergence);
   return outcome;
 }
 

@@ -22,9 +22,10 @@ class Simulation {
   // One frame on, as the scene's schedule says. Throws Error(diverged) where an implicit step has
   // no solution.
   void step();
-  // Frames until the body rests or the scene's time is over, `keep` called for each, that of now
-  // included. The simulation is then where the last good one is.
-  Outcome run(const std::function<void(const ComputedFrame&)>& keep);
+  // Frames until the body rests or the scene's time is over, or until a time whether it rests or
+  // not, `keep` called for each, that of now included. The simulation is then where the last good
+  // one is.
+  Outcome run(const std::function<void(const ComputedFrame&)>& keep, std::optional<double> until_s);
 
   // Of now. Throws Error(diverged) where it is not finite. The object stays as it is when the
   // simulation goes on.

@@ -150,6 +150,22 @@ def test_a_run_that_is_broken_off_goes_on_from_its_last_frame(mesh):
     assert sim.state_hash == whole.state_hash
 
 
+def test_a_run_goes_on_to_a_time_that_is_asked_for_and_then_as_the_scene_says(mesh):
+    held = {**falling(fixed={"side": "superior"}), "rest": {"speed": "1 m/s", "hold": "0.05 s"}}
+    sim = viscera.Simulation(mesh, held)
+    told = sim.run(until=0.75)  # beyond its end, and it would rest at once
+    assert not told["rested"]
+    assert sim.time == pytest.approx(0.75)
+    assert len(told["frames"]) == 46
+    assert viscera.Simulation(mesh, held).run(until="rest")["rested"]
+    stepped = viscera.Simulation(mesh, held)
+    stepped.step(45)
+    assert stepped.state_hash == sim.state_hash
+    for wrong in (0.5, float("nan"), float("inf"), "end"):
+        with pytest.raises(ValueError, match="allowed"):
+            sim.run(until=wrong)
+
+
 def test_simulations_that_are_gone_leave_no_memory(mesh):
     def one():
         sim = viscera.Simulation(mesh, falling(), threads=1)

@@ -8,6 +8,8 @@
     sim.step(10)
     sim.positions            # [n, 3] LPS mm
 
+    viscera.run("configs/liver.yaml", {"input": "liver.nii.gz"})   # a spec, as the program `viscera` runs it
+
 Each step gives the bits that the program of its stage gives with the same input and params. Lengths
 of volumes, meshes and positions are in mm, all else in SI units. Errors are `viscera.Error`.
 """
@@ -24,12 +26,17 @@ from numpy.typing import ArrayLike
 from . import _viscera, bridges
 from ._viscera import Error, TetMesh, __version__, read_mesh
 from .bridges import mesh_from_meshio
+from .programs import run
 
 if TYPE_CHECKING:
     from .labels import Labels, Surface, read_labels
 
 __all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "mesh_from_meshio",
-           "read_labels", "read_mesh"]
+           "read_labels", "read_mesh", "run"]
+
+
+# s, as of a scene.
+MAX_TIME = 1e5
 
 
 def __getattr__(name: str) -> Any:
@@ -70,14 +77,20 @@ class Simulation(_viscera.Simulation):
             raise ValueError(f"frames: {frames}, allowed: 0 or more")
         super().step(frames)
 
-    def run(self, progress: Callable[[int, float, float], object] | None = None) -> dict[str, Any]:
-        """Goes on until the body rests or the scene's time (`end`) is over.
+    def run(self, progress: Callable[[int, float, float], object] | None = None,
+            until: float | str | None = "rest") -> dict[str, Any]:
+        """Goes on until the body rests, at most to the scene's time (`end`); or until a time in s.
 
+        until: a number goes on to that time whether the body rests or not, beyond the scene's end too.
         progress(frame, time_s, max_speed_m_s) is called after every frame. Returns a dict: `rested`,
         `rest_time_s`, `divergence` (None, or why the run ended early) and `frames`, one dict a frame
         with the columns of metrics.csv: pandas.DataFrame(result["frames"]).
         """
-        return super().run(progress)
+        if until is None or until == "rest":
+            return super().run(progress)
+        if not isinstance(until, (int, float)) or not self.time < until < MAX_TIME:
+            raise ValueError(f"until: {until!r}, allowed: \"rest\", or a time in s after {self.time:.6g}, now")
+        return super().run(progress, until)
 
     def diagnose(self) -> dict[str, float]:
         """Energies (J), volume, smallest det F, inverted tets and speeds of now, by name."""
