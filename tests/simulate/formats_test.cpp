@@ -92,5 +92,60 @@ TEST_F(SceneFormats, CalculixFindsTheSameRestFromTheFile) {
   }
 }
 
+TEST_F(SceneFormats, FebioGetsTheSameProblemWithGravityByMassAndAgainstItsDirection) {
+  const std::string scene = with(stiff_scene, "  fixed:",
+                                 "  gravity: {acceleration: 9 m/s2}\n"
+                                 "  load: {side: inferior, force: [0 N, 0 N, -0.5 N]}\n"
+                                 "  pressure: {side: left, pressure: 250 Pa}\n"
+                                 "  fixed:");
+  ASSERT_EQ(run(scene, {"--set", "formats=[inp, feb]", "--set", "end=0.1s"}), 0) << errors;
+  const std::string feb = read_file(path("out") / "scene.feb"),
+                    inp = read_file(path("out") / "scene.inp");
+  EXPECT_NE(inp.find("TYPE=C3D10"), std::string::npos) << "elements are smoothed";
+  for (const char* part :
+       {"<febio_spec version=\"4.0\">", "type=\"neo-Hookean\"", "<E>0.2</E>", "<v>0.4</v>",
+        "<Elements type=\"tet10\" name=\"liver\">", "<force lc=\"1\">-0,-0,9000</force>",
+        "<pressure lc=\"1\">0.00025</pressure>", "<tri6 id=\"18\">", "node_set=\"held\""}) {
+    EXPECT_NE(feb.find(part), std::string::npos) << part;
+  }
+  EXPECT_EQ(feb.find("<tri6 id=\"19\">"), std::string::npos) << "3 x 3 cells at a side";
+  double sum = 0.0;
+  const std::size_t begin = feb.find("name=\"force_z\"");
+  for (std::size_t at = begin; at < feb.find("</NodeData>", begin);) {
+    at = feb.find("<node lid", at);
+    if (at > feb.find("</NodeData>", begin)) break;
+    at = feb.find('>', at) + 1;
+    sum += std::stod(feb.substr(at));
+  }
+  EXPECT_NEAR(sum, -0.5, 1e-9);
+}
+
+TEST_F(SceneFormats, WhatAFormatCannotHoldIsRefusedByName) {
+  const auto refusal = [&](const std::string& scene, const char* formats) {
+    EXPECT_EQ(run(scene, {"--set", fmt::format("formats={}", formats)}), 3) << errors;
+    EXPECT_FALSE(fs::exists(path("out") / "scene.inp"));
+    return errors;
+  };
+  EXPECT_NE(refusal(drop_scene, "[inp]").find("effects.ground"), std::string::npos) << errors;
+  const std::string bed =
+      with(stiff_scene, "fixed: {side: superior}", "spring: {side: superior, stiffness: 1 kPa/mm}");
+  EXPECT_NE(refusal(bed, "[feb]").find("feb with effects.spring"), std::string::npos) << errors;
+  EXPECT_NE(refusal(stiff_scene, "[imp]").find("inp"), std::string::npos) << errors;
+}
+
+// As a scene ends: the last of its schedule, and where what is prescribed comes to.
+TEST_F(SceneFormats, TheProblemIsThatOfTheScenesEnd) {
+  const std::string scene = with(
+      with(stiff_scene, "  fixed:",
+           "  gravity: {acceleration: 9 m/s2}\n"
+           "  prescribed: {side: inferior, displacement: [0 mm, 0 mm, 2 mm], duration: 1 s}\n"
+           "  fixed:"),
+      "time:", "schedule:\n  - {at: 0.2 s, effects: {gravity: {acceleration: 4 m/s2}}}\ntime:");
+  ASSERT_EQ(run(scene, {"--set", "formats=[inp]", "--set", "end=0.5s"}), 0) << errors;
+  const std::string inp = read_file(path("out") / "scene.inp");
+  EXPECT_NE(inp.find("GRAV, 4000,"), std::string::npos);
+  EXPECT_NE(inp.find(", 3, 3, 1\n"), std::string::npos) << "half of the way";
+}
+
 }  // namespace
 }  // namespace viscera
