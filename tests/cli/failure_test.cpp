@@ -159,6 +159,8 @@ TEST(TwoEngines, RunEachStageOnceAndOneSaysWhomItWaitsFor) {
       EXPECT_EQ(count(started, stage), 1) << started;
     }
     EXPECT_TRUE(contains(two.errors, "waits for process " + std::to_string(first))) << two.errors;
+    const bool same_folder = second_out == std::string("out");
+    EXPECT_EQ(contains(two.errors, "(run spec)"), same_folder) << two.errors;
     EXPECT_EQ(work.read(std::string(second_out) + "/spec/page.html"),
               work.read("out/spec/page.html"));
   }

@@ -107,6 +107,7 @@ TEST_F(Inspect, GraphsAreColouredByState) {
   const std::string dot = out({"graph", "spec.yaml", "--dot"});
   EXPECT_TRUE(contains(dot, "digraph")) << dot;
   EXPECT_TRUE(contains(dot, "s0 -> s1;")) << dot;
+  EXPECT_TRUE(contains(dot, "s0 [label=\"alpha\\ndone\", fillcolor=")) << dot;
   const Json json = Json::parse(out({"graph", "spec.yaml", "--json"}));
   EXPECT_EQ(json["jobs"][1]["manifest"], "out/spec/beta/manifest.json");
   EXPECT_EQ(json["jobs"][1]["needs"][0], "out/spec/alpha/manifest.json");

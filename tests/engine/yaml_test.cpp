@@ -45,6 +45,11 @@ TEST_F(Yaml, AnAliasThatHoldsItselfIsRefused) {
 }
 
 TEST_F(Yaml, DeepNestingIsRefusedHoweverDeep) {
+  const auto nested = [](int levels) {
+    return std::string(levels, '[') + "1" + std::string(levels, ']');
+  };
+  EXPECT_EQ(refusal(nested(max_yaml_depth)), "accepted");
+  expect_refused(nested(max_yaml_depth + 1), "nested too deeply");
   expect_refused(std::string(40, '[') + std::string(40, ']'), "nested too deeply");
   EXPECT_NE(refusal(std::string(500000, '[')), "accepted");
   EXPECT_NE(refusal("a: " + std::string(100000, '{')), "accepted");

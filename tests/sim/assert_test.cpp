@@ -20,6 +20,11 @@ TEST(Assertions, SayTheirValuesInACheckedBuildAndCostNothingInOthers) {
   EXPECT_DEATH(inverse(Mat3<double>{}), "singular");
   const auto cpu = make_on_cpu(make_cube(1), drop_scene(), {});
   EXPECT_DEATH(cpu->set_state(State{}), "0 and 0 of 8");
+  State half = cpu->state();
+  half.v.clear();
+  EXPECT_DEATH(cpu->set_state(half), "8 and 0 of 8");
+  EXPECT_DEATH(lame({.youngs_modulus = 1e3, .poisson_ratio = 0.5}), "nu 0.5");
+  EXPECT_DEATH(lame({.youngs_modulus = 1e3, .poisson_ratio = 0.6}), "nu 0.6");
 #else
   VISCERA_ASSERT(++evaluated == 2, "vertex " << 7);
 #endif

@@ -57,5 +57,21 @@ TEST(Stress, LargeShearIsThatOfANeoHookeanSolid) {
   EXPECT_NEAR(von_mises_stress(model, elastic_scene(), sheared, 0), exact, 1e-6 * exact);
 }
 
+// A tet that the stability policy has given another law stores nothing of this one.
+TEST(Stress, ATetWithAnotherLawHasNoEnergyOfTheOneThatItWasTakenFrom) {
+  const Model model = make_cube(1);
+  const Mat3<double> stretch = {{{0.1, 0.0, 0.0}, {}, {}}};
+  const auto expect_taken = [&]<class Law>(Law) {
+    typename Law::Params params;
+    EXPECT_GT(Law::energy(model, 0, params, stretch), 0.0) << Law::name;
+    params.taken.assign(model.tet_count(), 0);
+    params.taken[0] = 1;
+    EXPECT_EQ(Law::energy(model, 0, params, stretch), 0.0) << Law::name;
+    EXPECT_GT(Law::energy(model, 1, params, stretch), 0.0) << Law::name;
+  };
+  expect_taken(SmoothedNeoHookean{});
+  expect_taken(GroupedVolume{});
+}
+
 }  // namespace
 }  // namespace viscera::sim

@@ -2,8 +2,13 @@
 // steps take.
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+
+#include "sim/measures/forces.hpp"
 #include "sim/measures/stability.hpp"
+#include "sim/solvers/fem/quadratic_forces.hpp"
 #include "sim/solvers/fem/step_length.hpp"
+#include "sim/solvers/fem/term.hpp"
 #include "tests/sim/swinging_bar.hpp"
 
 namespace viscera::sim {
@@ -84,6 +89,68 @@ TEST(FemStep, FreeFallIsExact) {
     const double t = frame * scene.time.frame_s, fallen = 0.5 * 9.80665 * t * t;
     for (const auto& u : solver->state().u) ASSERT_NEAR(u.z, -fallen, 1e-9 * fallen);
   }
+}
+
+TEST(FemStep, DampingIsPartOfItsForcesAndNotSolvedForApart) {
+  Scene scene = drop_scene();
+  scene.time.substeps = 1;
+  EXPECT_FALSE(make_on_cpu(make_cube(1), scene, second_order)->solves_damping());
+}
+
+// Each element has a past of its own, also the first.
+TEST(FemStep, TheOrderOfTetsChangesNothingForTissueThatRelaxes) {
+  const Model model = make_box({0.04, 0.02, 0.02}, {2, 1, 1}, soft_tissue);
+  Model reversed = model;
+  std::ranges::reverse(reversed.tets), std::ranges::reverse(reversed.rest_inverse);
+  std::ranges::reverse(reversed.volume), std::ranges::reverse(reversed.material_of);
+  Scene scene = drop_scene();
+  scene.params<Ground>().clear();
+  scene.params<Viscosity>().clear();
+  scene.params<Prony>().push_back({.modulus = 2.0, .time = 0.05});
+  scene.params<Fixed>().emplace_back().side = "right";
+  scene.time.substeps = 2;
+  const auto as_given = make_on_cpu(model, scene, second_order),
+             other = make_on_cpu(reversed, scene, second_order);
+  for (Solver* solver : {as_given.get(), other.get()})
+    for (int frame = 0; frame < 8; ++frame) solver->advance_frame();
+  const State a = as_given->state(), b = other->state();
+  double most = 0.0;
+  for (std::size_t i = 0; i < a.u.size(); ++i) {
+    most = std::max(most, norm(a.u[i]));
+    EXPECT_LT(norm(a.u[i] - b.u[i]), 1e-7) << i;
+  }
+  EXPECT_GT(most, 1e-4);
+}
+
+// The eigenvalues -2, 1 and 5 of a turned matrix.
+TEST(FemTangent, LosesItsNegativeEigenvaluesAndKeepsTheOthers) {
+  const Eigen::Matrix3d turn =
+      Eigen::AngleAxisd(0.7, Eigen::Vector3d(1.0, 2.0, -0.5).normalized()).toRotationMatrix();
+  const auto turned = [&turn](double least) -> Eigen::Matrix3d {
+    return turn * Eigen::Vector3d(least, 1.0, 5.0).asDiagonal() * turn.transpose();
+  };
+  Eigen::Matrix3d clipped = turned(-2.0);
+  make_definite<3>(clipped);
+  EXPECT_LT((clipped - turned(0.0)).norm(), 1e-12);
+  Eigen::Matrix3d definite = turned(0.5);
+  make_definite<3>(definite);
+  EXPECT_EQ(definite, turned(0.5)) << "to the bit";
+}
+
+// Of a strain that is the same everywhere: half of a node in the middle of an edge at each end
+// comes to the forces of linear tets.
+TEST(QuadraticForces, OfAHomogeneousStrainAreThoseOfLinearTets) {
+  const Model model = make_cube(2);
+  State state{{}, std::vector<Vec3<double>>(model.vertex_count())};
+  const Mat3<double> strain = {{{0.1, 0.02, 0.0}, {0.0, -0.05, 0.03}, {0.04, 0.0, 0.02}}};
+  for (const auto& x : model.rest) state.u.push_back(strain * x);
+  const auto quadratic = quadratic_forces(model)(model, state);
+  const auto linear = element_forces(model, elastic_scene(), state);
+  double scale = 0.0;
+  for (const auto& force : linear) scale = std::max(scale, norm(force));
+  ASSERT_GT(scale, 0.0);
+  for (std::size_t i = 0; i < linear.size(); ++i)
+    EXPECT_LT(norm(quadratic[i] - linear[i]), 1e-9 * scale) << i;
 }
 
 // What decides on the next step's length is part of the state.

@@ -2,11 +2,15 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <atomic>
 #include <limits>
+#include <stdexcept>
 
+#include "sim/base/parallel.hpp"
 #include "sim/base/refusal.hpp"
 #include "sim/measures/stability.hpp"
 #include "sim/model/coloring.hpp"
+#include "sim/model/locking.hpp"
 #include "sim/model/start.hpp"
 #include "tests/sim/shapes.hpp"
 
@@ -125,6 +129,26 @@ TEST(Model, AMeasuredModulusOfZeroStandsForTheLabels) {
   model.youngs_modulus[1] = 7e3;
   EXPECT_EQ(model.material(0).youngs_modulus, soft_tissue.youngs_modulus);
   EXPECT_EQ(model.material(1).youngs_modulus, 7e3);
+}
+
+TEST(Locking, GoesByTheMeanCellAndTheThicknessOfTheWholeBody) {
+  const Model model = make_box({0.2, 0.01, 0.01}, {2, 1, 1}, soft_tissue);
+  const Locking locking = assess_locking(model, Element::linear);
+  EXPECT_NEAR(locking.cell, std::cbrt(0.5 * 0.2 * 0.01 * 0.01), 1e-12);  // six tets a cell
+  EXPECT_NEAR(locking.thickness, 4.0 * 2e-5 / (4.0 * 0.2 * 0.01 + 2.0 * 0.01 * 0.01), 1e-12);
+}
+
+TEST(ParallelRanges, HandOnWhatAPartThrowsOnceAllHaveEnded) {
+  std::atomic<std::size_t> done{0};
+  const auto failing = [&](std::size_t at) {
+    parallel_ranges(1000, [&](std::size_t begin, std::size_t end) {
+      done += end - begin;
+      if (begin <= at && at < end) throw std::runtime_error("part");
+    });
+  };
+  EXPECT_THROW(failing(0), std::runtime_error);
+  EXPECT_THROW(failing(999), std::runtime_error);
+  EXPECT_EQ(done, 2000u);
 }
 
 TEST(State, AHashDependsOnEveryComponent) {

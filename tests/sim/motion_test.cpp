@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/solvers/xpbd/program.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/sim/swinging_bar.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -259,6 +259,26 @@ TEST(Registry, ADampingOfZeroIsTheRunWithoutDampingToTheBit) {
     hash[scene == &without] = solver->state().hash();
   }
   EXPECT_EQ(hash[0], hash[1]);
+}
+
+// Each iteration but the first begins with the multipliers of the one before.
+TEST(Motion, MoreIterationsBringASubstepNearerToTheImplicitOne) {
+  const Model model = make_box({0.08, 0.02, 0.02}, {4, 1, 1}, soft_tissue);
+  Scene scene = elastic_scene();
+  scene.time = {.frame_s = 0.02, .substeps = 1, .order = 1};
+  scene.params<Gravity>().emplace_back();
+  scene.params<Fixed>().emplace_back().side = "right";
+  const auto after = [&](int iterations) {
+    const auto solver =
+        make_on_cpu(model, scene, {.precision = Precision::fp64, .iterations = iterations});
+    solver->advance_frame();
+    return solver->state();
+  };
+  const State exact = after(4000);
+  const double one = rms_difference(after(1), exact), some = rms_difference(after(30), exact);
+  EXPECT_GT(one, 1e-5);
+  EXPECT_LT(some, 0.5 * one);
+  EXPECT_LT(rms_difference(after(300), exact), 0.1 * one);
 }
 
 TEST(Bar, SagUnderItsOwnWeightMatchesAnIndependentFiniteElementCode) {

@@ -165,6 +165,9 @@ TEST(Selection, ABorderThatCrossesTetsHasAGapAndOneBetweenThemHasNone) {
   // A box ends inside of the body on every side that crosses it: here at z, 3 mm from the vertices.
   const Selection box = {.box_lo = {-1, -1, -0.007}, .box_hi = {1, 1, 1}};
   EXPECT_NEAR(border_gap(two_labels({-0.02, -0.02, -0.01}), box, "fixed").mean, 0.007, 1e-12);
+  const Selection inner = narrowed(box, 0.001);
+  EXPECT_NEAR(inner.box_lo.z, -0.006, 1e-15);
+  EXPECT_NEAR(inner.box_hi.z, 0.999, 1e-15);
   EXPECT_EQ(border_gap(model, {.region = "support"}, "fixed").tets, 0u);
   EXPECT_EQ(border_gap(model, {.label = "tumour"}, "fixed").tets, 0u);
   EXPECT_EQ(border_gap(model, {.side = "right", .within = 1.0}, "fixed").tets, 0u);

@@ -105,5 +105,28 @@ TEST(TimeRule, NothingIsAddedToAVertexThatIsHeldAndItsFallToOthers) {
   EXPECT_EQ(held, 9);
 }
 
+// Of a body that a state finds turned: pressure pushes along what has become of its faces.
+TEST(TimeRule, WhatIsAddedBeforeAStateIsByTheLoadsOfThatState) {
+  const Model model = make_cube(2);
+  Scene scene = elastic_scene();
+  auto& pressed = scene.params<Pressure>().emplace_back();
+  pressed.side = "right", pressed.pressure = 500.0;
+  const Program<double> program(model, scene, 2);
+  const std::vector<Vec3<double>> none(model.vertex_count());
+  State turned{none, none};
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    const Vec3<double>& x = model.rest[i];
+    turned.u[i] = Vec3<double>{-x.y, x.x, x.z} - x;  // a quarter about z: right becomes posterior
+  }
+  const auto at_rest = program.added_before({none, none}), after = program.added_before(turned);
+  double most = 0.0;
+  for (std::size_t i = 0; i < at_rest.size(); ++i) {
+    const Vec3<double>& v = at_rest[i].v;
+    most = std::max(most, norm(v));
+    EXPECT_NEAR(norm(after[i].v - Vec3<double>{-v.y, v.x, v.z}), 0.0, 1e-12) << i;
+  }
+  EXPECT_GT(most, 1e-4);
+}
+
 }  // namespace
 }  // namespace viscera::sim

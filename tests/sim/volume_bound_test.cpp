@@ -254,6 +254,25 @@ Scene smoothed(Scene scene) {
   return scene;
 }
 
+TEST(VolumeBound, DoesNotBeginWhereAnyTetIsInsideOut) {
+  const Model model = make_cube(2);
+  const BoundedTets<double> tets(model, drop_scene(), Method::xpbd);
+  ASSERT_EQ(tets.vertices.size(), model.tet_count());
+  const std::vector<Vec3<double>> none(model.vertex_count());
+  State state{none, none};
+  EXPECT_TRUE(tets.begins_at(state));
+  const BoundedTets<double> first = [&] {
+    BoundedTets<double> one = tets;
+    one.vertices.resize(1), one.rest_inverse.resize(1);
+    return one;
+  }();
+  state.u[model.tets[0][0]] = 3.0 * (model.rest[model.tets[0][1]] - model.rest[model.tets[0][0]]) +
+                              3.0 * (model.rest[model.tets[0][2]] - model.rest[model.tets[0][0]]) +
+                              3.0 * (model.rest[model.tets[0][3]] - model.rest[model.tets[0][0]]);
+  EXPECT_FALSE(first.begins_at(state));
+  EXPECT_FALSE(tets.begins_at(state));
+}
+
 TEST(VolumeBound, ABodyWithoutAnElasticLawHasNone) {
   EXPECT_FALSE(VolumeBound::is_needed(particle_scene()));
   EXPECT_TRUE(VolumeBound::is_needed(elastic_scene()));

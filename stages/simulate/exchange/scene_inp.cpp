@@ -10,9 +10,9 @@ namespace viscera {
 namespace {
 
 using namespace export_text;
-using Names = std::map<int, std::string>;
+using LabelNames = std::map<int, std::string>;
 
-void put_elements(Buffer& text, const StaticProblem& problem, const Names& names) {
+void put_elements(Buffer& text, const StaticProblem& problem, const LabelNames& names) {
   for (const auto& [label, part] : problem.labels) {
     put(text, "*ELEMENT, TYPE=C3D{}, ELSET={}\n", problem.element_nodes, names.at(label));
     for (const int e : part.elements) {
@@ -23,7 +23,7 @@ void put_elements(Buffer& text, const StaticProblem& problem, const Names& names
   }
 }
 
-void put_materials(Buffer& text, const StaticProblem& problem, const Names& names) {
+void put_materials(Buffer& text, const StaticProblem& problem, const LabelNames& names) {
   for (const auto& [label, part] : problem.labels) {
     const sim::Material& m = part.material;
     put(text, "*MATERIAL, NAME={}\n", names.at(label));
@@ -63,7 +63,7 @@ void put_by_axis(Buffer& text, int node, const sim::Vec3<double>& value, bool is
   }
 }
 
-void put_loads(Buffer& text, const StaticProblem& problem, const Names& names) {
+void put_loads(Buffer& text, const StaticProblem& problem, const LabelNames& names) {
   // Faces are numbered 1-2-3, 1-4-2, 2-4-3, 3-4-1: by the corner that they lack.
   constexpr int face_without[4] = {3, 4, 2, 1};
   if (!problem.held.empty()) put(text, "*BOUNDARY\n");
@@ -85,7 +85,7 @@ void put_loads(Buffer& text, const StaticProblem& problem, const Names& names) {
 }  // namespace
 
 void write_scene_inp(const std::filesystem::path& path, const StaticProblem& problem) {
-  Names names;
+  LabelNames names;
   for (const auto& [label, part] : problem.labels) names[label] = part.name;
   names = identifiers(names);
   Buffer text;

@@ -75,6 +75,20 @@ TEST(Attachment, APrescribedVertexFollowsItsRampWhateverPulls) {
   }
 }
 
+TEST(Attachment, EveryVertexIsLedAlsoTheFirstOfAThreadsShare) {
+  const Model model = make_cube(3);
+  Scene scene = hanging_scene();
+  auto& led = scene.params<Prescribed>().emplace_back();
+  led.box_lo = {-1.0, -1.0, -1.0}, led.box_hi = {1.0, 1.0, 1.0};
+  led.displacement = {0.01, 0.0, 0.02}, led.duration = 0.0;
+  for (const int threads : {1, 3}) {
+    const auto solver = make_on_cpu(model, scene, {.threads = threads});
+    solver->advance_frame();
+    const State state = solver->state();
+    for (const auto& u : state.u) EXPECT_NEAR(norm(u - led.displacement), 0.0, 1e-9) << threads;
+  }
+}
+
 TEST(Attachment, AJumpBeginsAfterItsStartAndIsWholeAtOnce) {
   const Model model = make_cube(1);
   Prescribed::Params params = on_top<Prescribed::Params>();

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "sim/backend/cpu/elements.hpp"
+#include "sim/model/corner_gradients.hpp"
 #include "sim/solvers/xpbd/linearized.hpp"
 #include "tests/sim/shapes.hpp"
 
@@ -364,6 +365,30 @@ TEST(Effects, LinearisedElementsGiveTheSolversImpulsesWhereTheyWereLinearised) {
     }
   });
   EXPECT_GT(effects, 1);
+}
+
+// On the vertices 1 to 3 by b_i(e) = b_i(0) - k_D grad N_i . grad N_j e_j.
+TEST(NeoHookean, TheShearOfALinearisedElementFollowsItsVertices) {
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    Sample<NeoHookean> sample(seed);
+    const double mobility[4] = {1e-5, 2e-5, 3e-5, 4e-5};
+    Linearized<NeoHookean, double> linear;
+    linearize<NeoHookean>(sample.rest, mobility, sample.u, sample.d, sample.history, linear);
+    const auto gradients = corner_gradients(sample.rest.rest_inverse);
+    const Vec3<double> still[3] = {}, way = {0.01, -0.02, 0.03};
+    Vec3<double> before[3];
+    linear.preload_at(still, before);
+    for (int j = 0; j < 3; ++j) {
+      Vec3<double> e[3] = {}, after[3];
+      e[j] = way;
+      linear.preload_at(e, after);
+      for (int i = 0; i < 3; ++i) {
+        const double slope = sample.rest.deviatoric * dot(gradients[i + 1], gradients[j + 1]);
+        EXPECT_LE(norm(after[i] - before[i] + slope * way), 1e-9 * norm(slope * way) + 1e-12)
+            << i << " by " << j;
+      }
+    }
+  }
 }
 
 // Dimensionless inside: single precision holds bodies from a micrometre to a kilometre.

@@ -171,6 +171,18 @@ TEST(SelfContact, NeighboursAtRestAndTheTissueBehindAreLeftOut) {
   EXPECT_GT(found, 0u);  // across the slot, 4 mm wide
 }
 
+TEST(SelfContact, EveryVertexOfTheSurfaceIsLookedAtOnce) {
+  const Model model = make_cube(3);
+  const SurfacePairs pairs(model, 1e-3);
+  std::vector<int> expected;
+  for (int v = 0; v < 64; ++v) {
+    const int i = v % 4, j = v / 4 % 4, k = v / 16;
+    const auto inner = [](int at) { return at == 1 || at == 2; };
+    if (!(inner(i) && inner(j) && inner(k))) expected.push_back(v);
+  }
+  EXPECT_EQ(pairs.vertices(), expected);
+}
+
 TEST(SelfContact, ATriangleTornOutFarStillMeetsWhatIsNearIt) {
   const Model model = make_flap();
   SurfacePairs pairs(model, thickness);
