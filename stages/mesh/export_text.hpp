@@ -24,18 +24,6 @@ void put(Buffer& text, fmt::format_string<Args...> format, Args&&... args) {
   fmt::format_to(std::back_inserter(text), format, std::forward<Args>(args)...);
 }
 
-// Numbers in lines of `ids_a_line`, counted from 1 instead of 0.
-template <class Numbers>
-void put_numbers(Buffer& text, const Numbers& numbers) {
-  constexpr std::size_t ids_a_line = 12;
-  std::size_t written = 0;
-  for (const int number : numbers) {
-    ++written;
-    const bool last = written == numbers.size();
-    put(text, "{}{}", number + 1, last || written % ids_a_line == 0 ? "\n" : ", ");
-  }
-}
-
 // Letters, digits and underscores, a letter first, at most 60 of them, and different for every id
 // whatever the case of the letters: what the strictest format takes for a name.
 std::map<int, std::string> identifiers(const std::map<int, std::string>& names);

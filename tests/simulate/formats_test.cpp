@@ -109,6 +109,10 @@ TEST_F(SceneFormats, FebioGetsTheSameProblemWithGravityByMassAndAgainstItsDirect
     EXPECT_NE(feb.find(part), std::string::npos) << part;
   }
   EXPECT_EQ(feb.find("<tri6 id=\"19\">"), std::string::npos) << "3 x 3 cells at a side";
+  const std::size_t set = feb.find("<NodeSet name=\"held\">");
+  const std::string held = feb.substr(set, feb.find("</NodeSet>", set) - set);
+  EXPECT_EQ(held.find('\n'), std::string::npos) << "numbers are parted by commas alone";
+  EXPECT_EQ(std::ranges::count(held, ','), 48) << "16 vertices, and 33 edges between them";
   double sum = 0.0;
   const std::size_t begin = feb.find("name=\"force_z\"");
   for (std::size_t at = begin; at < feb.find("</NodeData>", begin);) {

@@ -38,11 +38,13 @@ void put_materials(Buffer& text, const StaticProblem& problem) {
 
 void put_nodes_of(Buffer& text, const char* set, const Field& field) {
   if (field.empty()) return;
-  std::vector<int> nodes;
-  for (const auto& [node, value] : field) nodes.push_back(node);
+  const char* before = "";
   put(text, "    <NodeSet name=\"{}\">", set);
-  put_numbers(text, nodes);
-  put(text, "    </NodeSet>\n");
+  for (const auto& [node, value] : field) {
+    put(text, "{}{}", before, node + 1);
+    before = ",";
+  }
+  put(text, "</NodeSet>\n");
 }
 
 // The faces by their pressure, MPa: one surface each.

@@ -15,6 +15,7 @@ using namespace export_text;
 
 // Faces are numbered 1-2-3, 1-4-2, 2-4-3, 3-4-1: by the corner that they lack, S3, S4, S2, S1.
 constexpr int face_without[4] = {3, 4, 2, 1};
+constexpr std::size_t ids_a_line = 12;
 
 void put_inp_materials(Buffer& text, const TetExport& body,
                        const std::map<int, std::string>& names) {
@@ -36,7 +37,12 @@ void put_patch(Buffer& text, const Patch& patch, const std::string& name) {
   std::set<int> nodes;
   for (const auto& facet : patch.facets) nodes.insert(facet.corners.begin(), facet.corners.end());
   put(text, "*NSET, NSET=N_{}\n", name);
-  put_numbers(text, nodes);
+  std::size_t written = 0;
+  for (const int node : nodes) {
+    ++written;
+    const bool last = written == nodes.size();
+    put(text, "{}{}", node + 1, last || written % ids_a_line == 0 ? "\n" : ", ");
+  }
   put(text, "*SURFACE, NAME={}, TYPE=ELEMENT\n", name);
   for (const auto& facet : patch.facets)
     put(text, "{}, S{}\n", facet.tet + 1, face_without[facet.opposite]);

@@ -34,10 +34,10 @@ struct Problem {
   Scene scene() const {
     Scene scene = elastic_scene();
     scene.params<Gravity>().emplace_back().acceleration = gravity;
-    scene.params<Fixed>().emplace_back().side = "right";  // least x
+    scene.params<Fixed>().emplace_back().side = "left";  // largest x
     if (pulled) {
       auto& lead = scene.params<Prescribed>().emplace_back();
-      lead.side = "left", lead.displacement = {0.0, aside, 0.0}, lead.duration = 0.0;
+      lead.side = "right", lead.displacement = {0.0, aside, 0.0}, lead.duration = 0.0;
     }
     return scene;
   }
