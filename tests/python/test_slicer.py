@@ -85,6 +85,7 @@ def test_a_run_can_be_cancelled_and_goes_on_from_what_it_had(module, segmentatio
     logic, spec = case(module, segmentation, tmp_path)
     with pytest.raises(module.programs.Cancelled):
         logic.run(spec, lambda share, what: share < 0.5)
+    assert not list((tmp_path / "out/.cache/work").iterdir()), "what it was at is cleared away"
     heard = []
     assert "simulate" in logic.run(spec, lambda share, what: heard.append(what))
     assert "labels: cached" in heard

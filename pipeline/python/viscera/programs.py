@@ -85,7 +85,8 @@ def run(spec: Path, values: Optional[Mapping[str, object]] = None, *, out: Path 
             for line in running.stderr:
                 told.take(line)
         except BaseException:
-            running.send_signal(signal.SIGINT)  # its stages end in order, and nothing half-written is kept
+            running.send_signal(signal.SIGINT)
+            running.communicate()  # its stages end in order, and nothing half-written is kept
             raise
     if running.returncode not in HAVE_RESULTS:
         raise Failed("\n".join(told.errors) or f"viscera ended with exit code {running.returncode}",
