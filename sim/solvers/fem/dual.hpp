@@ -55,7 +55,6 @@ struct Dual {
   }
   friend Dual operator-(const Dual& a) { return chain(-a.value, -1.0, a); }
   friend auto operator<=>(const Dual& a, const Dual& b) { return a.value <=> b.value; }
-  friend bool operator==(const Dual& a, const Dual& b) { return a.value == b.value; }
   friend Dual select(bool which, const Dual& yes, const Dual& no) { return which ? yes : no; }
   friend Dual square_root(const Dual& a) {
     const double root = std::sqrt(a.value);
