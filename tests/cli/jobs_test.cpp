@@ -186,6 +186,20 @@ TEST_F(Jobs, EventsForProgramsAreLinesOfJson) {
             "0\n");
 }
 
+TEST_F(Jobs, EventsCountTheStagesThatAreWantedAlone) {
+  const auto result = run({"--progress", "jsonl", "--until", "beta", "--case", "one"});
+  EXPECT_EQ(result.exit, 0);
+  std::istringstream lines(result.errors);
+  Json last;
+  for (std::string line; std::getline(lines, line);) {
+    const Json json = Json::parse(line, nullptr, false);
+    if (json.is_object() && json.contains("event")) last = json;
+  }
+  EXPECT_EQ(last["stage"], "beta");
+  EXPECT_EQ(last["settled"], 2);
+  EXPECT_EQ(last["stages"], 2);
+}
+
 TEST_F(Jobs, PipedProgressIsPlainLines) {
   const auto result = run({});
   EXPECT_TRUE(contains(result.errors, "one/alpha: working  50 %")) << result.errors;

@@ -322,15 +322,17 @@ class Runner {
     if (settled_[i]) return;
     settled_[i] = true;
     working_[i] = false;
-    ++settled_count_;
+    settled_count_ += wanted_[i];
     keys_.erase(i);
     folders_.leave(i);
   }
 
+  std::ptrdiff_t wanted_count() const { return std::ranges::count(wanted_, true); }
+
   // "3 of 15 stages, about 40 s left"
   std::string outlook() const {
     const double left = folders_.seconds_left(settled_) / static_cast<double>(options_.jobs);
-    return fmt::format("{} of {} stages{}", settled_count_, plan_.size(),
+    return fmt::format("{} of {} stages{}", settled_count_, wanted_count(),
                        left > 0.5 ? ", about " + duration_text(left) + " left" : "");
   }
 
@@ -343,7 +345,7 @@ class Runner {
                 {"exit", static_cast<int>(exit)},
                 {"message", message},
                 {"settled", settled_count_},
-                {"stages", plan_.size()}});
+                {"stages", wanted_count()}});
   }
 
   const bool terminal_ = isatty(STDERR_FILENO);  // elsewhere no bar says how far the run is
@@ -365,9 +367,9 @@ class Runner {
   std::set<std::string> made_;                           // keys, by this run
   std::vector<std::unique_ptr<StageJob>> jobs_;
   std::vector<StatusRow> rows_;
-  std::size_t waiting_ = 0, first_ = 0, settled_count_ = 0;
-  std::optional<Error> failure_;  // the first
-  std::string last_error_;        // that a stage wrote
+  std::size_t waiting_ = 0, first_ = 0, settled_count_ = 0;  // settled: of those that are wanted
+  std::optional<Error> failure_;                             // the first
+  std::string last_error_;                                   // that a stage wrote
   ExitCode worst_ = ExitCode::ok;
 };
 

@@ -1,13 +1,14 @@
 """Runs of specs by viscera's programs, with their cache. Nothing but Python's own library, so that
 any Python of version 3.9 or later can use this file, that of 3D Slicer among them."""
 
+import csv
 import json
 import os
 import pathlib
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Optional, Union
 
 Path = Union[str, "os.PathLike[str]"]
@@ -30,8 +31,26 @@ class Stage:
         self.caveats: list[str] = self.manifest.get("caveats", [])
         self.passed = all(gate["passed"] for gate in self.gates.values())
 
+    def table(self, file: str) -> list[dict[str, Union[str, float, None]]]:
+        """The rows of a .csv that the stage wrote, by column: metrics.csv, study.csv. Columns of numbers are such.
+
+        pandas.DataFrame(stages["simulate"].table("metrics.csv"))
+        """
+        with open(self.folder / file, newline="") as text:
+            rows = list(csv.DictReader(text))
+        columns = {name: _numbers([row[name] for row in rows]) for name in (rows[0] if rows else ())}
+        return [{name: column[k] for name, column in columns.items()} for k in range(len(rows))]
+
     def __repr__(self) -> str:
         return f"<stage in {self.folder}: {len(self.gates)} gates, {'passed' if self.passed else 'FAILED'}>"
+
+
+def _numbers(column: list[str]) -> Sequence[Union[str, float, None]]:
+    """A column of numbers alone as such, with None where it is empty; any other, such as one of digests, as it is."""
+    try:
+        return [float(text) if text else None for text in column]
+    except ValueError:
+        return column
 
 
 class Failed(RuntimeError):
