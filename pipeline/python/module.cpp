@@ -158,6 +158,10 @@ class Guarded {
     for (std::size_t k = 0; k < names.size(); ++k) gradient[py::str(names[k])] = found[k];
     return gradient;
   }
+  void write(const std::filesystem::path& file) {
+    const auto lock = alone();
+    beside_others([&] { simulation_->write(file); });
+  }
   std::string state_hash() {
     const auto lock = alone();
     return fmt::format("{:016x}", simulation_->state()->hash());
@@ -266,6 +270,7 @@ void define_simulation(py::module_& module) {
       .def("diagnose", &Guarded::diagnose)
       .def("set", &Guarded::set)
       .def("gradient", &Guarded::gradient)
+      .def("write", &Guarded::write)
       .def_property_readonly("displacements", &Guarded::displacements)
       .def_property_readonly("velocities", &Guarded::velocities)
       .def_property_readonly("positions", &Guarded::positions)

@@ -1,9 +1,11 @@
 #include "pipeline/python/simulation.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "sim/measures/forces.hpp"
 #include "sim/sensitivity.hpp"
+#include "stages/simulate/exchange/static_problem.hpp"
 #include "stages/simulate/probes.hpp"
 #include "stages/simulate/scene/scene_number.hpp"
 #include "stages/simulate/solver_choice.hpp"
@@ -167,6 +169,20 @@ std::vector<double> Simulation::gradient(const std::vector<sim::Vec3<double>>& b
     }
   });
   return gradient;
+}
+
+void Simulation::write(const std::filesystem::path& file) const {
+  std::vector<std::string> known;
+  for (const SceneFormat& format : scene_formats()) {
+    known.push_back("." + std::string(format.name));
+    if (file.extension() != known.back()) continue;
+    translated(run_, [&] { format.write(file, static_problem(setup_.file, setup_.mesh, body())); });
+    return;
+  }
+  throw Error(ExitCode::usage, {.where = file.string(),
+                                .field = "extension",
+                                .found = file.extension().string(),
+                                .allowed = fmt::format("{}", fmt::join(known, ", "))});
 }
 
 Error Simulation::diverged(const std::string& found) const {

@@ -47,6 +47,11 @@ class Simulation {
   std::vector<double> gradient(const std::vector<sim::Vec3<double>>& by_displacement,
                                const std::vector<std::string>& names);
 
+  // The body with the supports and loads of the scene's end for another finite element program: one
+  // of scene_formats() (static_problem.hpp), by the file's extension. Throws Error for another
+  // extension and for what the format does not hold.
+  void write(const std::filesystem::path& file) const;
+
   const sim::Model& body() const { return setup_.model; }
   const sim::Scene& scene() const { return setup_.file.scene; }
   double time_s() const { return frame_ * scene().time.frame_s; }

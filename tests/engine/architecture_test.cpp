@@ -87,7 +87,7 @@ const std::vector<Folder> folders = {
     {"pipeline/schema", {"pipeline/contract"}},
     {"pipeline/python",
      {"pipeline/base", "stages/mesh", "stages/image", "stages/labels", "stages/surface",
-      "stages/tetmesh", "stages/simulate", "stages/simulate/scene", "sim", "sim/measures",
+      "stages/tetmesh", "stages/simulate/*", "sim", "sim/measures",
       "sim/model", "sim/scene", "sim/solvers", "sim/solvers/fem"}},
     {"pipeline", {"pipeline/*"}},
 

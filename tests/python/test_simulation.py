@@ -1,6 +1,7 @@
 """What a simulation in Python gives, against the programs and closed forms."""
 
 import csv
+import json
 import os
 import signal
 import subprocess
@@ -54,6 +55,26 @@ def test_a_run_gives_the_bits_of_the_program(demo, tmp_path, solver, substeps, f
     stepped = viscera.Simulation(mesh, scene, **params)
     stepped.step(frames)
     assert stepped.state_hash == program[-1]["state_hash"]
+
+
+def test_a_scene_is_written_for_other_programs_as_the_stage_writes_it(demo, tmp_path):
+    scene = falling(fixed={"side": "superior"})
+    scene["materials"] = {name: scene["materials"]["liver"] for name in ("liver", "tumour", "vessels")}
+    (tmp_path / "scene.yaml").write_text(json.dumps(scene))
+    subprocess.run(
+        [PROGRAMS / "viscera-simulate", "--in", f"mesh={demo / 'tetmesh/mesh.vtu'}", "--in",
+         f"scene={tmp_path / 'scene.yaml'}", "--set", "end=0.02s", "--set", "formats=[inp, feb]", "--out",
+         tmp_path / "run"], check=True, capture_output=True)
+    sim = viscera.Simulation(viscera.read_mesh(demo / "tetmesh/mesh.vtu"), scene)
+    for kind in ("inp", "feb"):
+        sim.write(tmp_path / f"own.{kind}")
+        assert (tmp_path / f"own.{kind}").read_bytes() == (tmp_path / f"run/scene.{kind}").read_bytes()
+    with pytest.raises(viscera.Error, match="extension") as refused:
+        sim.write(tmp_path / "own.vtk")
+    assert refused.value.allowed == ".inp, .feb"
+    with pytest.raises(viscera.Error, match="effects.ground"):
+        viscera.Simulation(sim.mesh, "configs/scenes/drop.yaml").write(tmp_path / "drop.inp")
+    assert not (tmp_path / "drop.inp").exists()
 
 
 def test_a_run_goes_on_from_where_it_was_stepped_to(mesh):

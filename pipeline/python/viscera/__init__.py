@@ -114,6 +114,11 @@ class Simulation(_viscera.Simulation):
         """
         return super().gradient(by_displacement, list(with_respect_to))
 
+    def write(self, file: str | os.PathLike[str]) -> None:
+        """Writes the body at rest with the supports and loads of the scene's end for another finite element
+        program: .inp for CalculiX and Abaqus, .feb for FEBio, as `formats` of `viscera-simulate` does."""
+        super().write(file)
+
     def __repr__(self) -> str:
         return f"<viscera.Simulation: t {self.time:.3f} s, {self.device}>"
 
