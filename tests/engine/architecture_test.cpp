@@ -87,8 +87,8 @@ const std::vector<Folder> folders = {
     {"pipeline/schema", {"pipeline/contract"}},
     {"pipeline/python",
      {"pipeline/base", "stages/mesh", "stages/image", "stages/labels", "stages/surface",
-      "stages/tetmesh", "stages/simulate/*", "sim", "sim/measures",
-      "sim/model", "sim/scene", "sim/solvers", "sim/solvers/fem"}},
+      "stages/tetmesh", "stages/simulate/*", "sim", "sim/measures", "sim/model", "sim/scene",
+      "sim/solvers", "sim/solvers/fem"}},
     {"pipeline", {"pipeline/*"}},
 
     {"sim/base", {}},
