@@ -48,6 +48,13 @@ TEST_F(Cache, TheFirstRunStartsEveryStageOnceAndLaysOutItsFiles) {
   EXPECT_TRUE(contains(first.out, "page: out/spec/page.html"));
 }
 
+TEST_F(Cache, ASpecOfOneStageNamesItsFileToo) {
+  work_.write("one.yaml", "viscera: 1\nstages:\n  alpha: {in: {volume: volume.txt}}\n");
+  const auto one = work_.viscera({"run", "one.yaml"});
+  EXPECT_EQ(one.exit, 0) << one.errors;
+  EXPECT_TRUE(contains(one.out, "a: out/one/alpha.txt")) << one.out;
+}
+
 TEST_F(Cache, ASecondRunStartsNoProcessAndWritesNothing) {
   work_.run();  // digests of files too young to trust are remembered by now, or never
   work_.started();

@@ -67,12 +67,12 @@ Scene hanging_scene() {
   return scene;
 }
 
-void expect_phases_of(int lanes) {
+void expect_phases_of(int lanes, int max_in_color) {
   SCOPED_TRACE(lanes);
   const Model model = make_cube(5);
   const Program<double> program(model, elastic_scene());
   constexpr int max_elements = 6;
-  const BlockLayout layout(model, program, tets_per_block, {lanes, max_elements});
+  const BlockLayout layout(model, program, tets_per_block, {lanes, max_elements, max_in_color});
   const auto elements =
       layout.lay_out(std::get<Effects::index_of<NeoHookean>()>(program.effects)[0], program, true);
   std::vector<int> seen(model.tet_count());
@@ -105,8 +105,8 @@ void expect_phases_of(int lanes) {
 }
 
 TEST(BlockLayout, EveryElementOnceAndNoVertexTwiceInAPhase) {
-  expect_phases_of(8);
-  expect_phases_of(3);  // fewer than elements of a colour
+  expect_phases_of(8, 8);
+  expect_phases_of(3, 8);  // colours wider than the lanes are cut
 }
 
 // Two bodies that differ in E have all planes in common but the one that E is in.

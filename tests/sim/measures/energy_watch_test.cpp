@@ -27,5 +27,21 @@ TEST(EnergyWatch, CountsWhatABedStores) {
   EXPECT_NEAR(course.least, stored, 1e-9 * stored);
 }
 
+// p A s of a patch that goes along its normal.
+TEST(EnergyWatch, CountsTheWorkOfPressureFromOneFrameToTheNext) {
+  const Model model = make_cube(2);
+  Scene scene = elastic_scene();
+  auto& pressed = scene.params<Pressure>().emplace_back();
+  pressed.side = "left", pressed.pressure = 500.0;  // towards -x
+  const std::vector<Vec3<double>> none(model.vertex_count());
+  const State before{none, none},
+      now{std::vector<Vec3<double>>(model.vertex_count(), {-0.001, 0.002, 0.0}), none};
+  const EnergyWatch watch(model, scene, Method::xpbd);
+  EnergyWatch::Course course;
+  watch.judge(nullptr, before, diagnose(model, scene, before), 0.0, course);
+  watch.judge(&before, now, diagnose(model, scene, now), 0.01, course);
+  EXPECT_NEAR(course.work, 500.0 * 0.05 * 0.05 * 0.001, 1e-12);
+}
+
 }  // namespace
 }  // namespace viscera::sim
