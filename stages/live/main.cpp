@@ -1,11 +1,10 @@
 // viscera-live SCENE --in mesh=FILE [--set PARAM=VALUE] [--headless FRAMES]: a body to take in the
 // hand. Inputs and params are those of viscera-simulate; the window shows and says the rest.
 #include <dlfcn.h>
-#include <unistd.h>
+#include <malloc.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <fstream>
 #include <iostream>
 
 #include "pipeline/base/error.hpp"
@@ -31,11 +30,11 @@ StageRun run_of(const CommandLine& line) {
   return read_run(simulate_stage().info, in, line.set);
 }
 
+// What is allocated now, by all threads. The pages that are resident would also tell what the
+// system takes away of those that were not touched for a while.
 double memory_mb() {
-  std::ifstream file("/proc/self/statm");
-  double pages = 0.0, resident = 0.0;
-  file >> pages >> resident;
-  return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
+  const struct mallinfo2 heap = mallinfo2();
+  return static_cast<double>(heap.uordblks + heap.hblkhd) / (1 << 20);
 }
 
 SessionOptions options_of(const CommandLine& line, const World& world) {
