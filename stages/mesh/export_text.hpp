@@ -43,7 +43,8 @@ std::vector<Format> asked_formats(const Json& asked, const std::vector<Format>& 
   return formats;
 }
 
-// As the text of an element or attribute of XML.
-std::string escaped(const std::string& text);
+// The number of a tet's face in Abaqus and CalculiX, by the corner that it lacks: 1-2-3, 1-4-2,
+// 2-4-3 and 3-4-1 are the faces 1 to 4.
+constexpr int face_without[4] = {3, 4, 2, 1};
 
 }  // namespace viscera::export_text

@@ -4,31 +4,10 @@
 #include <map>
 #include <string_view>
 
+#include "pipeline/base/markup.hpp"
+
 namespace viscera {
 namespace {
-
-std::string escaped_html(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
 
 // JSON that cannot end the script element it stands in. Bytes that are not UTF-8 are replaced.
 std::string script_json(const Json& json) {
@@ -84,7 +63,7 @@ std::string filled_page(const web::Page& page, const std::string& title, const J
     scripts += file;
     scripts += "\n</script>\n";
   }
-  return filled(web::shell(), {{"title", escaped_html(title)},
+  return filled(web::shell(), {{"title", escaped_markup(title)},
                                {"style", std::string(web::style())},
                                {"first", std::string(page.first)},
                                {"main", std::string(page.main)},

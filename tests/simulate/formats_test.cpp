@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 
 #include "stages/simulate/checkpoint.hpp"
+#include "tests/common/calculix.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/simulate/simulate_run.hpp"
 
@@ -22,21 +22,6 @@ effects:
 time: {frame_rate: 10 Hz, substeps: 1, end: 1 s}
 )";
 
-// Displacements by node, mm: lines ` -1`, a node in 10 columns and three numbers in 12 each, after
-// the line that names DISP.
-std::map<int, std::array<double, 3>> calculix_displacements(const fs::path& file) {
-  std::map<int, std::array<double, 3>> found;
-  std::ifstream in(file);
-  bool is_wanted = false;
-  for (std::string line; std::getline(in, line);) {
-    if (line.starts_with(" -4")) is_wanted = line.find("DISP") != std::string::npos;
-    if (!is_wanted || !line.starts_with(" -1") || line.size() < 13 + 3 * 12) continue;
-    for (int k = 0; k < 3; ++k)
-      found[std::stoi(line.substr(3, 10)) - 1][k] = std::stod(line.substr(13 + 12 * k, 12));
-  }
-  return found;
-}
-
 class SceneFormats : public Simulate {
  protected:
   // Root mean square by which finite elements here and CalculiX on the file differ, over that of
@@ -51,7 +36,7 @@ class SceneFormats : public Simulate {
     const std::string command =
         fmt::format("cd '{}' && OMP_NUM_THREADS=1 ccx scene > ccx.log 2>&1", path("out").string());
     EXPECT_EQ(std::system(command.c_str()), 0) << read_file(path("out") / "ccx.log");
-    const auto judged = calculix_displacements(path("out") / "scene.frd");
+    const auto judged = calculix_field<3>(path("out") / "scene.frd", "DISP");
     const std::size_t vertices = metric("vertices").get<std::size_t>();
     const sim::State own =
         read_checkpoint(path("out") / "checkpoint.h5", vertices, {.frame_s = 0.1, .substeps = 1});

@@ -20,6 +20,7 @@
 #include "sim/measures/reactions.hpp"
 #include "sim/solvers/fem/mesh.hpp"
 #include "sim/solvers/fem/stress_field.hpp"
+#include "tests/common/calculix.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/verification/problems.hpp"
 
@@ -109,24 +110,11 @@ Judgement judged(const Model& model) {
 }
 
 // [vertices] Pa: Cauchy's stress at the nodes, extrapolated from the points of quadrature and
-// averaged over elements. A block of lines ` -1`, a node in 10 columns and six numbers in 12 each,
-// after the line that names STRESS.
+// averaged over elements.
 std::vector<Tensor6> read_stress(const fs::path& file, const Model& model) {
-  std::vector<Tensor6> stress(model.vertex_count());
-  std::ifstream in(file);
-  std::size_t found = 0;
-  bool is_stress = false;
-  for (std::string line; std::getline(in, line);) {
-    if (line.starts_with(" -4")) is_stress = line.find("STRESS") != std::string::npos;
-    if (!is_stress || !line.starts_with(" -1") || line.size() < 13 + 6 * 12) continue;
-    const auto node = static_cast<std::size_t>(std::stoul(line.substr(3, 10)));
-    if (node < 1 || node > stress.size()) continue;
-    for (int k = 0; k < 6; ++k) stress[node - 1][k] = std::stod(line.substr(13 + 12 * k, 12));
-    ++found;
-  }
-  if (found != stress.size()) {
-    throw std::runtime_error(fmt::format("CalculiX wrote {} of {} stresses", found, stress.size()));
-  }
+  const auto field = calculix_field<6>(file, "STRESS");
+  std::vector<Tensor6> stress;
+  for (int v = 0; v < static_cast<int>(model.vertex_count()); ++v) stress.push_back(field.at(v));
   return stress;
 }
 

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/markup.hpp"
 #include "sim/base/refusal.hpp"
 #include "sim/base/tet_face.hpp"
 #include "stages/mesh/export_text.hpp"
@@ -29,7 +30,7 @@ void put_materials(Buffer& text, const StaticProblem& problem) {
     put(text,
         "    <material id=\"{}\" name=\"{}\" type=\"{}\">\n      <density>{:.9g}</density>\n"
         "      <E>{:.9g}</E>\n      <v>{:.9g}</v>\n    </material>\n",
-        ++id, escaped(part.name),
+        ++id, escaped_markup(part.name),
         problem.law == ElasticLaw::neo_hookean ? "neo-Hookean" : "isotropic elastic",
         t_mm3_per_kg_m3 * m.density, mpa_per_pa * m.youngs_modulus, m.poisson_ratio);
   }
@@ -81,7 +82,7 @@ void put_mesh(Buffer& text, const StaticProblem& problem) {
   put(text, "    </Nodes>\n");
   const auto n = static_cast<std::size_t>(problem.element_nodes);
   for (const auto& [label, part] : problem.labels) {
-    put(text, "    <Elements type=\"tet{}\" name=\"{}\">\n", n, escaped(part.name));
+    put(text, "    <Elements type=\"tet{}\" name=\"{}\">\n", n, escaped_markup(part.name));
     for (const int e : part.elements)
       put_row(text, "elem", static_cast<std::size_t>(e) + 1, {problem.elements[e].data(), n});
     put(text, "    </Elements>\n");
@@ -98,7 +99,7 @@ void put_mesh(Buffer& text, const StaticProblem& problem) {
   }
   put(text, "  </Mesh>\n  <MeshDomains>\n");
   for (const auto& [label, part] : problem.labels)
-    put(text, "    <SolidDomain name=\"{0}\" mat=\"{0}\"/>\n", escaped(part.name));
+    put(text, "    <SolidDomain name=\"{0}\" mat=\"{0}\"/>\n", escaped_markup(part.name));
   put(text, "  </MeshDomains>\n");
 }
 

@@ -64,8 +64,6 @@ void put_by_axis(Buffer& text, int node, const sim::Vec3<double>& value, bool is
 }
 
 void put_loads(Buffer& text, const StaticProblem& problem, const LabelNames& names) {
-  // Faces are numbered 1-2-3, 1-4-2, 2-4-3, 3-4-1: by the corner that they lack.
-  constexpr int face_without[4] = {3, 4, 2, 1};
   if (!problem.held.empty()) put(text, "*BOUNDARY\n");
   for (const auto& [node, displacement] : problem.held) put_by_axis(text, node, displacement, true);
   if (!problem.forces.empty()) put(text, "*CLOAD\n");

@@ -2,6 +2,7 @@
 // patch. Units mm, N, t, s, hence MPa and t/mm3. A label whose material was not given gets one
 // without E and v, which FEBio refuses, instead of invented constants.
 #include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/markup.hpp"
 #include "stages/mesh/export_text.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
 
@@ -47,7 +48,7 @@ void put_mesh(Buffer& text, const TetExport& body, const std::map<int, std::stri
     put(text, "    </Elements>\n");
   }
   for (const auto& patch : body.patches) {
-    put(text, "    <Surface name=\"{}\">\n", escaped(patch.name));
+    put(text, "    <Surface name=\"{}\">\n", escaped_markup(patch.name));
     std::size_t id = 0;
     for (const auto& facet : patch.facets) {
       const auto& c = facet.corners;
@@ -62,7 +63,7 @@ void put_mesh(Buffer& text, const TetExport& body, const std::map<int, std::stri
 
 void write_feb(const std::filesystem::path& path, const TetExport& body) {
   auto names = body.names;
-  for (auto& [label, name] : names) name = escaped(name);
+  for (auto& [label, name] : names) name = escaped_markup(name);
   Buffer text;
   put(text,
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"

@@ -13,8 +13,6 @@ namespace {
 
 using namespace export_text;
 
-// Faces are numbered 1-2-3, 1-4-2, 2-4-3, 3-4-1: by the corner that they lack, S3, S4, S2, S1.
-constexpr int face_without[4] = {3, 4, 2, 1};
 constexpr std::size_t ids_a_line = 12;
 
 void put_inp_materials(Buffer& text, const TetExport& body,
