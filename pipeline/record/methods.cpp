@@ -241,6 +241,22 @@ const std::vector<Method> known_methods = {
       "finite strain analysis of nearly incompressible solids. Part I. Int J Numer Methods Eng "
       "62:353-383, 2005."}},
     {"effect",
+     "mooney_rivlin",
+     {"The tissue follows the Mooney-Rivlin law with each material's Young's modulus and Poisson's "
+      "ratio, in a form that stays finite when an element is inverted."},
+     {"Rivlin RS. Large elastic deformations of isotropic materials IV. Phil Trans R Soc A "
+      "241:379-397, 1948.",
+      stable_neo_hookean},
+     {"The tissue is isotropic and homogeneous within each material."}},
+    {"effect",
+     "ogden",
+     {"The tissue follows Ogden's law with each material's Young's modulus and Poisson's ratio, in "
+      "a form that stays finite when an element is inverted."},
+     {"Ogden RW. Large deformation isotropic elasticity: on the correlation of theory and "
+      "experiment for incompressible rubberlike solids. Proc R Soc A 326:565-584, 1972.",
+      stable_neo_hookean},
+     {"The tissue is isotropic and homogeneous within each material."}},
+    {"effect",
      "linear",
      {"The tissue is linearly elastic."},
      {hooke},

@@ -120,13 +120,19 @@ SIM_HD Mat3<T> cofactor(const Mat3<T>& m) {
 template <class T>
 SIM_HD Mat3<T> inverse(const Mat3<T>& m) {
   VISCERA_ASSERT(det(m) != T(0), "a singular matrix");
-  const T s = T(1) / det(m);
-  const Mat3<T> c = transpose(cofactor(m));
-  return {{s * c.col[0], s * c.col[1], s * c.col[2]}};
+  return (T(1) / det(m)) * transpose(cofactor(m));
 }
 template <class T>
 SIM_HD T squared_norm(const Mat3<T>& m) {
   return dot(m.col[0], m.col[0]) + dot(m.col[1], m.col[1]) + dot(m.col[2], m.col[2]);
+}
+template <class T>
+SIM_HD Mat3<T> operator*(T s, const Mat3<T>& m) {
+  return {{s * m.col[0], s * m.col[1], s * m.col[2]}};
+}
+template <class T>
+SIM_HD Mat3<T> operator+(const Mat3<T>& a, const Mat3<T>& b) {
+  return {{a.col[0] + b.col[0], a.col[1] + b.col[1], a.col[2] + b.col[2]}};
 }
 template <class T>
 SIM_HD Mat3<T> operator-(const Mat3<T>& a, const Mat3<T>& b) {
@@ -150,8 +156,7 @@ inline double largest_eigenvalue(const Mat3<double>& m) {
   const Mat3<double> deviator = plus_identity(-mean, m);
   const double size = std::sqrt(squared_norm(deviator) / 6.0);
   if (!(size > 0.0)) return mean;
-  const Mat3<double> unit{{(1.0 / size) * deviator.col[0], (1.0 / size) * deviator.col[1],
-                           (1.0 / size) * deviator.col[2]}};
+  const Mat3<double> unit = (1.0 / size) * deviator;
   const double angle = std::acos(std::clamp(0.5 * det(unit), -1.0, 1.0)) / 3.0;
   return mean + 2.0 * size * std::cos(angle);
 }

@@ -93,7 +93,7 @@ template <class T>
 SIM_HD Quaternion<T> nearest_rotation(const Mat3<T>& matrix) {
   const T size = square_root(squared_norm(matrix));
   const T scale = select(size > T(0), T(1) / size, T(0));
-  const Mat3<T> f{{scale * matrix.col[0], scale * matrix.col[1], scale * matrix.col[2]}};
+  const Mat3<T> f = scale * matrix;
   const auto& [a, b, c] = f.col;
   const T x = largest_root(det(f), squared_norm(cofactor(f)));
   const Quaternion<T> q =

@@ -51,6 +51,12 @@ double modulus_now(const Material& material, const typename Effect::Params& para
     return now.largest_of_j(own * (now.j - 1.0)) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, Volume>) {
     return now.largest_of_j(lambda * (now.j - 1.0)) + lambda * now.s1_s2 * now.s1_s2;
+  } else if constexpr (std::is_same_v<Effect, MooneyRivlin> || std::is_same_v<Effect, Ogden>) {
+    const auto [k, own] = Effect::moduli(material, params);
+    const auto shape = Effect::template shape<double>(params);
+    const double pressure = k * Effect::stress_at_rest(shape);
+    return 0.5 * k * Effect::largest_curvature(shape, now.s1, s2, now.s3) +
+           now.largest_of_j(own * (now.j - 1.0) - pressure) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, StVK>) {
     const double squares = now.s1 * now.s1;
     const double trace_e = 0.5 * (squares + s2 * s2 + now.s3 * now.s3 - 3.0);

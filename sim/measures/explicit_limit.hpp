@@ -10,6 +10,7 @@
 // second derivative of J, whose eigenvalues are s_k, -s_k and the roots of x^3 - |F|^2 x - 2 J:
 //
 //   neo_hookean   a = mu + max eig(c H_J), c = lambda (J - gamma)      b = lambda, that of the law
+//   mooney_rivlin, ogden   a = k/2 max eig(d2D/dF2) + max eig(c H_J), likewise
 //   volume        a = max eig(c H_J), c = lambda (J - 1)               b = lambda
 //   stvk          a = (lambda + 2 mu) s_1^2 + max eig S                b = 0
 //   corotational  a = lambda + 2 mu + max(0, lambda (s_1 + s_2 + s_3 - 3) - 2 mu) 2 / (s_2 + s_3)

@@ -76,8 +76,7 @@ Mat3<double> cauchy_stress(const Model& model, const Scene& scene, std::size_t t
   const double j = std::max(min_volume, 1.0 + NeoHookean::volume_strain(h));
   const Mat3<double> p = force_gradient(model, scene, tet, h);
   const Mat3<double> kirchhoff = p * transpose(plus_identity(1.0, h));  // times V
-  const double share = 1.0 / (j * model.volume[tet]);
-  return {{share * kirchhoff.col[0], share * kirchhoff.col[1], share * kirchhoff.col[2]}};
+  return (1.0 / (j * model.volume[tet])) * kirchhoff;
 }
 
 double von_mises_stress(const Model& model, const Scene& scene, const State& state,

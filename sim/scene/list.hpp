@@ -14,7 +14,9 @@
 #include "sim/effects/laws/fibre.hpp"
 #include "sim/effects/laws/grouped_volume.hpp"
 #include "sim/effects/laws/linear.hpp"
+#include "sim/effects/laws/mooney_rivlin.hpp"
 #include "sim/effects/laws/neo_hookean.hpp"
+#include "sim/effects/laws/ogden.hpp"
 #include "sim/effects/laws/prony.hpp"
 #include "sim/effects/laws/shape_matching.hpp"
 #include "sim/effects/laws/smoothed_neo_hookean.hpp"
@@ -64,9 +66,10 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Grip, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean,
-                           SmoothedNeoHookean, GroupedVolume, Linear, StVK, Corotational, Distance,
-                           Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact, Ground,
-                           Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
+using Effects =
+    EffectList<Gravity, Grip, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean,
+               SmoothedNeoHookean, GroupedVolume, MooneyRivlin, Ogden, Linear, StVK, Corotational,
+               Distance, Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact, Ground,
+               Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

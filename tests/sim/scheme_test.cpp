@@ -149,9 +149,9 @@ TEST(Options, PbdIsRefusedWhatHasAModulusAndTakesWhatStatesAShape) {
       }
     }
   });
-  EXPECT_EQ(refused, (std::vector<std::string>{"neo_hookean", "smoothed_neo_hookean",
-                                               "grouped_volume", "linear", "stvk", "corotational",
-                                               "fibre", "prony", "spring"}));
+  EXPECT_EQ(refused, (std::vector<std::string>{
+                         "neo_hookean", "smoothed_neo_hookean", "grouped_volume", "mooney_rivlin",
+                         "ogden", "linear", "stvk", "corotational", "fibre", "prony", "spring"}));
   EXPECT_EQ(taken, (std::vector<std::string>{"viscosity", "pressure", "load", "distance", "volume",
                                              "shape_matching"}));
 }

@@ -65,6 +65,8 @@ TEST_F(SceneFormats, CalculixFindsTheSameRestFromTheFile) {
            "prescribed: {side: inferior, displacement: [0.3 mm, 0 mm, -0.4 mm], duration: 0.5 s}")},
       {"spring", with(adding("gravity:"), "fixed: {side: superior}",
                       "spring: {side: superior, stiffness: 20 kPa/mm}")},
+      {"mooney_rivlin", with(adding("gravity:"), "neo_hookean:", "mooney_rivlin: {second: 0.4}")},
+      {"ogden", with(adding("gravity:"), "neo_hookean:", "ogden: {exponent: -4.7}")},
       {"stvk", with(adding("gravity:"), "neo_hookean:", "stvk:")},
       {"linear", with(adding("gravity:"), "neo_hookean:", "linear:")}};
   for (const auto& [name, scene] : scenes) {
@@ -119,6 +121,12 @@ TEST_F(SceneFormats, WhatAFormatCannotHoldIsRefusedByName) {
   const std::string bed =
       with(stiff_scene, "fixed: {side: superior}", "spring: {side: superior, stiffness: 1 kPa/mm}");
   EXPECT_NE(refusal(bed, "[feb]").find("feb with effects.spring"), std::string::npos) << errors;
+  const auto ogden = [](const char* terms) { return with(stiff_scene, "neo_hookean:", terms); };
+  EXPECT_NE(refusal(ogden("ogden: {exponent: -4.7}"), "[feb]").find("ogden"), std::string::npos);
+  EXPECT_NE(refusal(ogden("ogden: [{exponent: 2, share: 0.5}, {exponent: 4, share: 0.5}]"), "[inp]")
+                .find("several terms"),
+            std::string::npos)
+      << errors;
   EXPECT_NE(refusal(stiff_scene, "[imp]").find("inp"), std::string::npos) << errors;
 }
 

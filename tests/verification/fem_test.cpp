@@ -143,6 +143,42 @@ TEST(Fem, OtherLawsTakeTheStretchOfTheirClosedForms) {
   }
 }
 
+// Where the slope of the energy across is zero.
+template <class Law>
+double free_sides(const typename Law::Params& params, double nu, double s) {
+  const auto slope = [&](double t) {
+    const auto energy = [&](double at) {
+      const Mat3<double> h{{{s - 1, 0, 0}, {0, at - 1, 0}, {0, 0, at - 1}}};
+      return Law::energy_density({1.0, nu, 1.0, 0.0}, params, h);
+    };
+    return energy(t + 1e-6) - energy(t - 1e-6);
+  };
+  double low = 0.5, high = 1.5;
+  for (int halving = 0; halving < 60; ++halving) {
+    const double middle = 0.5 * (low + high);
+    (slope(middle) > 0.0 ? high : low) = middle;
+  }
+  return low;
+}
+
+TEST(Fem, MooneyRivlinAndOgdenTakeTheStretchThatTheirEnergyAsksFor) {
+  constexpr double nu = 0.45;
+  const Model model = irregular_cube(nu);
+  const auto ends = [](const Vec3<double>& x) { return std::abs(x.x) > 0.05 - 1e-9; };
+  const auto check = [&]<class Law>(const typename Law::Params& params) {
+    Scene scene;
+    scene.params<Law>().push_back(params);
+    for (const double s : {0.8, 1.1, 1.4}) {
+      const double t = free_sides<Law>(params, nu, s);
+      const Mat3<double> h{{{s - 1, 0, 0}, {0, t - 1, 0}, {0, 0, t - 1}}};
+      EXPECT_LE(affine_error(model, h, 1, ends, scene), 1e-8) << Law::name << ", " << s;
+    }
+  };
+  check.operator()<MooneyRivlin>({0.4});
+  check.operator()<Ogden>({-4.7});
+  check.operator()<Ogden>({8.0});
+}
+
 // A column of nu = 0 on a fixed base under its own weight, per area rho g H at the base; returns
 // the sag of its top over its height.
 double stvk_column(double weight_over_young) {

@@ -48,6 +48,11 @@ struct Pack {
     for (int i = 0; i < width; ++i) a.lanes[i] = std::sqrt(a.lanes[i]);
     return a;
   }
+  // (1 + a)^p - 1, of the law `ogden`
+  friend Pack power_minus_one(Pack a, Pack p) {
+    for (int i = 0; i < width; ++i) a.lanes[i] = std::expm1(p.lanes[i] * std::log1p(a.lanes[i]));
+    return a;
+  }
 };
 
 // Four packs from the rows of W vertices, and back: lane i of (x, y, z, w) is row vertices[i].

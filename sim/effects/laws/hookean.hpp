@@ -16,30 +16,10 @@
 // one, but PBD is refused them: solved row after row without lambda and mu they are no law.
 #pragma once
 
+#include "sim/base/symmetric.hpp"
 #include "sim/effects/laws/neo_hookean.hpp"
 
 namespace viscera::sim {
-
-template <class T>
-struct Symmetric {
-  T xx, yy, zz, yz, xz, xy;
-};
-
-template <class T>
-SIM_HD Symmetric<T> symmetric_part(const Mat3<T>& m) {
-  const auto& [a, b, c] = m.col;
-  return {a.x, b.y, c.z, T(0.5) * (b.z + c.y), T(0.5) * (a.z + c.x), T(0.5) * (a.y + b.x)};
-}
-
-// E = (F^T F - I)/2 = (H + H^T + H^T H)/2, without the cancellation of the first form.
-template <class T>
-SIM_HD Symmetric<T> green_strain(const Mat3<T>& h) {
-  const auto& [a, b, c] = h.col;
-  const Symmetric<T> linear = symmetric_part(h);
-  return {linear.xx + T(0.5) * dot(a, a), linear.yy + T(0.5) * dot(b, b),
-          linear.zz + T(0.5) * dot(c, c), linear.yz + T(0.5) * dot(b, c),
-          linear.xz + T(0.5) * dot(a, c), linear.xy + T(0.5) * dot(a, b)};
-}
 
 // Coordinates of a strain in the basis.
 template <class T>

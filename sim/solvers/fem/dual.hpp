@@ -7,6 +7,8 @@
 #include <cmath>
 #include <type_traits>
 
+#include "sim/effects/laws/ogden.hpp"
+
 namespace viscera::sim {
 
 template <int n>
@@ -61,5 +63,54 @@ struct Dual {
     return root > 0.0 ? chain(root, 0.5 / root, a) : Dual(root);
   }
 };
+
+// The powers of a strain that changes: in its principal axes the slope of M is that of the strain
+// times the difference quotient of the power, or its slope where two strains are equal (Daleckii
+// and Krein; Higham, "Functions of Matrices", section 3.2). Through the axes themselves there is no
+// slope where strains are equal, as at rest.
+template <int n>
+PowersOfStretch<Dual<n>> powers_of_stretch(const Symmetric<Dual<n>>& strain,
+                                           const OgdenShape<Dual<n>>& law) {
+  using S = Symmetric<double>;
+  const auto part = [&strain](auto&& number) {
+    return S{number(strain.xx), number(strain.yy), number(strain.zz),
+             number(strain.yz), number(strain.xz), number(strain.xy)};
+  };
+  const OgdenShape<double> shape{law.exponent.value, law.limit.value};
+  const PrincipalPowers<double> now(part([](const Dual<n>& e) { return e.value; }), shape);
+  const double* const value = now.e.value;
+  const Vec3<double>* const axis = now.e.axis;
+  const double p = 0.5 * shape.exponent - 1.0;
+  const auto quotient = [&](int i, int j) {
+    const double apart = value[i] - value[j], twice_mean = value[i] + value[j];
+    if (std::abs(apart) > 1e-5) return (now.m[i] - now.m[j]) / apart;
+    const bool is_power = shape.kept(twice_mean) == twice_mean;
+    return is_power ? 2.0 * p * std::pow(1.0 + twice_mean, p - 1.0) : 0.0;
+  };
+  S slopes[n] = {};
+  PowersOfStretch<Dual<n>> out{{}, Dual<n>(now.beyond_rest)};
+  for (int k = 0; k < n; ++k) {
+    const Mat3<double> change = matrix_of(part([k](const Dual<n>& e) { return e.slope[k]; }));
+    S& slope = slopes[k];
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        const double own = dot(axis[i], change * axis[j]), s = quotient(i, j) * own;
+        slope.xx += s * axis[i].x * axis[j].x, slope.yy += s * axis[i].y * axis[j].y;
+        slope.zz += s * axis[i].z * axis[j].z, slope.yz += s * axis[i].y * axis[j].z;
+        slope.xz += s * axis[i].x * axis[j].z, slope.xy += s * axis[i].x * axis[j].y;
+        if (i == j) out.beyond_rest.slope[k] += shape.exponent * (1.0 + now.m[i]) * own;
+      }
+    }
+  }
+  const S values = now.in_space().m;
+  const auto joined = [&](double S::*entry) {
+    Dual<n> number(values.*entry);
+    for (int k = 0; k < n; ++k) number.slope[k] = slopes[k].*entry;
+    return number;
+  };
+  out.m = {joined(&S::xx), joined(&S::yy), joined(&S::zz),
+           joined(&S::yz), joined(&S::xz), joined(&S::xy)};
+  return out;
+}
 
 }  // namespace viscera::sim

@@ -166,6 +166,8 @@ void check(const StaticProblem& problem) {
   if (!problem.beds.empty()) refuse("feb with effects.spring", "formats: [inp]");
   if (problem.law == ElasticLaw::linear)
     refuse("feb with effects.linear", "stvk, or formats: [inp]");
+  if (problem.law == ElasticLaw::mooney_rivlin || problem.law == ElasticLaw::ogden)
+    refuse("feb with effects.mooney_rivlin or ogden", "neo_hookean, or formats: [inp]");
 }
 
 }  // namespace

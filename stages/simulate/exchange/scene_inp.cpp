@@ -1,7 +1,7 @@
 // Input for CalculiX and Abaqus: nodes, C3D4 or C3D10 elements by label, materials, supports, and
-// one static step with the loads. CalculiX's Neo-Hookean energy U = C10 (J^(-2/3) I_C - 3) +
-// (J - 1)^2 / D1 has the tangent of ours at rest for C10 = mu/2 and D1 = 2/K; beyond, the two part
-// with the square of the strain.
+// one static step with the loads. CalculiX's hyperelastic energies are those of J^(-1/3) F and
+// (J - 1)^2 / D1. They have the tangent of ours at rest for mu = 2 (C10 + C01) = mu_1 and D1 = 2/K;
+// beyond, the two part with the square of the change of volume.
 #include "pipeline/base/atomic_file.hpp"
 #include "stages/mesh/export_text.hpp"
 #include "stages/simulate/exchange/static_problem.hpp"
@@ -27,10 +27,15 @@ void put_materials(Buffer& text, const StaticProblem& problem, const LabelNames&
   for (const auto& [label, part] : problem.labels) {
     const sim::Material& m = part.material;
     put(text, "*MATERIAL, NAME={}\n", names.at(label));
+    const double mu = mpa_per_pa * sim::lame(m).mu, shape = problem.law_shape;
+    const double d1 = 6.0 * (1.0 - 2.0 * m.poisson_ratio) / (mpa_per_pa * m.youngs_modulus);
     if (problem.law == ElasticLaw::neo_hookean) {
-      const double bulk = m.youngs_modulus / (3.0 * (1.0 - 2.0 * m.poisson_ratio));
-      put(text, "*HYPERELASTIC, NEO HOOKE\n{:.9g}, {:.9g}\n", 0.5 * mpa_per_pa * sim::lame(m).mu,
-          2.0 / (mpa_per_pa * bulk));
+      put(text, "*HYPERELASTIC, NEO HOOKE\n{:.9g}, {:.9g}\n", 0.5 * mu, d1);
+    } else if (problem.law == ElasticLaw::mooney_rivlin) {
+      put(text, "*HYPERELASTIC, MOONEY-RIVLIN\n{:.9g}, {:.9g}, {:.9g}\n", 0.5 * mu * (1.0 - shape),
+          0.5 * mu * shape, d1);
+    } else if (problem.law == ElasticLaw::ogden) {
+      put(text, "*HYPERELASTIC, OGDEN\n{:.9g}, {:.9g}, {:.9g}\n", mu, shape, d1);
     } else {
       put(text, "*ELASTIC\n{:.9g}, {:.9g}\n", mpa_per_pa * m.youngs_modulus, m.poisson_ratio);
     }

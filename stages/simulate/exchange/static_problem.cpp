@@ -27,15 +27,19 @@ constexpr std::optional<ElasticLaw> law_of() {
   using namespace sim;
   if (is_any_of<Effect, NeoHookean, SmoothedNeoHookean, GroupedVolume>)
     return ElasticLaw::neo_hookean;
+  if (std::is_same_v<Effect, MooneyRivlin>) return ElasticLaw::mooney_rivlin;
+  if (std::is_same_v<Effect, Ogden>) return ElasticLaw::ogden;
   if (std::is_same_v<Effect, StVK>) return ElasticLaw::stvk;
   if (std::is_same_v<Effect, Linear>) return ElasticLaw::linear;
   return {};
 }
 
 [[noreturn]] void refuse(std::string found) {
-  throw sim::Refusal(sim::Refusal::Cause::scene, "formats", std::move(found),
-                     "a static problem of one law (neo_hookean, stvk or linear) with gravity, "
-                     "fixed, prescribed, spring, load and pressure");
+  throw sim::Refusal(
+      sim::Refusal::Cause::scene, "formats", std::move(found),
+      "a static problem of one law (neo_hookean, mooney_rivlin, ogden, stvk or linear) "
+      "with gravity, "
+      "fixed, prescribed, spring, load and pressure");
 }
 
 class Collector {
@@ -105,6 +109,13 @@ class Collector {
     } else if constexpr (law_of<Effect>().has_value()) {
       if (law_ && law_ != law_of<Effect>()) refuse("two elastic laws at once");
       law_ = law_of<Effect>();
+      if constexpr (is_any_of<Effect, sim::MooneyRivlin, sim::Ogden>) {
+        if (out_.law_shape != 0.0) refuse("several terms of one elastic law");
+        if constexpr (std::is_same_v<Effect, sim::Ogden>)
+          out_.law_shape = params.exponent;
+        else
+          out_.law_shape = params.second;
+      }
     } else if constexpr (!rests_without_force<Effect>) {
       refuse(std::string("effects.") + Effect::name);
     }

@@ -15,7 +15,7 @@
 
 namespace viscera {
 
-enum class ElasticLaw { neo_hookean, stvk, linear };
+enum class ElasticLaw { neo_hookean, mooney_rivlin, ogden, stvk, linear };
 
 struct StaticProblem {
   struct Label {
@@ -28,6 +28,7 @@ struct StaticProblem {
     double pressure;        // MPa, inwards
   };
   ElasticLaw law = ElasticLaw::neo_hookean;
+  double law_shape = 0.0;  // mooney_rivlin: C01 / (C10 + C01); ogden: the exponent
   // mm, LPS: the mesh's points, then the middles of edges where elements have ten nodes.
   std::vector<std::array<double, 3>> nodes;
   int element_nodes = 4;                      // or 10

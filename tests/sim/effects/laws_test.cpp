@@ -182,10 +182,16 @@ TEST(Laws, ABodyAtRestStaysStillUnderEveryEffectInSinglePrecision) {
   const Model model = make_cube(3);
   Spring::Params bed;
   bed.side = "left", bed.stiffness = 1e6;
-  Scene scenes[] = {scene_with<Linear>(),          scene_with<StVK>(),
-                    scene_with<Corotational>(),    scene_with<Distance>(),
-                    scene_with<Volume>(),          scene_with<Fibre>({.stiffness = 1e4}),
-                    scene_with<Prony>({1.0, 0.1}), scene_with<Spring>(bed)};
+  Scene scenes[] = {scene_with<MooneyRivlin>({0.4}),
+                    scene_with<Ogden>({-4.7}),
+                    scene_with<Linear>(),
+                    scene_with<StVK>(),
+                    scene_with<Corotational>(),
+                    scene_with<Distance>(),
+                    scene_with<Volume>(),
+                    scene_with<Fibre>({.stiffness = 1e4}),
+                    scene_with<Prony>({1.0, 0.1}),
+                    scene_with<Spring>(bed)};
   for (const Scene& scene : scenes) {
     const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp32});
     for (int frame = 0; frame < 20; ++frame) solver->advance_frame();
@@ -221,6 +227,8 @@ TEST(Laws, AllAgreeOnABarThatBendsALittle) {
   EXPECT_NEAR(sag(scene_with<Linear>()), neo_hookean, 0.005 * neo_hookean);
   EXPECT_NEAR(sag(scene_with<StVK>()), neo_hookean, 0.005 * neo_hookean);
   EXPECT_NEAR(sag(scene_with<Corotational>()), neo_hookean, 0.005 * neo_hookean);
+  EXPECT_NEAR(sag(scene_with<MooneyRivlin>({0.4})), neo_hookean, 0.005 * neo_hookean);
+  EXPECT_NEAR(sag(scene_with<Ogden>({-4.7})), neo_hookean, 0.005 * neo_hookean);
 }
 
 // Energy per volume of a spring network under a homogeneous displacement gradient.

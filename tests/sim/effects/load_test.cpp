@@ -113,8 +113,8 @@ TEST(Diagnostics, TellTheEnergyThatTheConstraintsHold) {
     }
   });
   EXPECT_EQ(told, (std::vector<std::string>{"neo_hookean", "smoothed_neo_hookean", "grouped_volume",
-                                            "linear", "stvk", "corotational", "distance", "volume",
-                                            "fibre"}));
+                                            "mooney_rivlin", "ogden", "linear", "stvk",
+                                            "corotational", "distance", "volume", "fibre"}));
 }
 
 // A body of two labels, one of which an effect is for.

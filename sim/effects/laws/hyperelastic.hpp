@@ -1,0 +1,114 @@
+// What the laws share that are a deviatoric energy beside the stable Neo-Hookean law's volume:
+//
+//   Psi = k/2 D(F) + lambda/2 (J - gamma)^2,   gamma = 1 + k r / lambda,   1/2 dD/dF = r F + X
+//
+// with X = 0 and so a stress of zero at rest, as two constraints of a tet, solved together:
+//
+//   C_D = sqrt D,      dC_D/dF = (r F + X) / C_D,   k_D = k V
+//   C_H = J - gamma,   dC_H/dF = cof F,             k_H = lambda V
+//
+// neo_hookean.hpp is the one with D = tr F^T F, r = 1 and X = 0. Reference multipliers as there:
+// their force -k_D (r F + X - r cof F) = -k_D (r (F - cof F) + X) is formed without cancellation.
+//
+// J has no power in D, where other codes split an isochoric part off: the energy is finite and
+// smooth through J = 0, and both agree at J = 1.
+#pragma once
+
+#include "sim/base/symmetric.hpp"
+#include "sim/effects/laws/neo_hookean.hpp"
+
+namespace viscera::sim {
+
+// `Law` has a name, a doc, fields and
+//   Shape<T> shape<T>(params)          its own numbers, which the functions below take
+//   Moduli moduli(material, params)    k and lambda, Pa
+//   T at_rest(shape)                   D(I)
+//   T stress_at_rest(shape)            r
+//   double largest_curvature(shape, s1, s2, s3)   no eigenvalue of d2D/dF2 is larger where F has
+//                                      the singular values s1 >= s2 >= |s3|
+//   Deviator<T> deviator(h, e, shape)  h: gradient of displacement, e: Green's strain
+template <class T>
+struct Deviator {
+  T beyond_rest;  // D(F) - D(I)
+  Mat3<T> x;      // X
+};
+
+template <class Law, class LawParams>
+struct Hyperelastic {
+  using Params = LawParams;
+
+  static constexpr EffectKind kind = EffectKind::element;
+  static constexpr int arity = 4;
+  static constexpr int rows = 2;
+  static constexpr bool has_reference = true;
+  static constexpr bool projectable = false;  // C_D is not zero at rest
+
+  struct Moduli {
+    double deviatoric, hydrostatic;  // k, lambda, Pa
+  };
+
+  template <class T>
+  struct Rest {
+    Mat3<T> rest_inverse;       // B, 1/m
+    T deviatoric, hydrostatic;  // k_D, k_H, J
+    typename Law::template Shape<T> shape;
+  };
+
+  static const std::vector<Tet>& elements(const Model& model, const Params&) { return model.tets; }
+
+  template <class T>
+  static Rest<T> rest(const Model& model, const std::vector<Tet>&, std::size_t tet,
+                      const Params& params, double) {
+    const Moduli moduli = Law::moduli(model.material(tet), params);
+    return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
+            .deviatoric = static_cast<T>(moduli.deviatoric * model.volume[tet]),
+            .hydrostatic = static_cast<T>(moduli.hydrostatic * model.volume[tet]),
+            .shape = Law::template shape<T>(params)};
+  }
+
+  template <class T>
+  SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> (&u)[4], const Vec3<T> (&d)[4],
+                              Evaluation<T, rows, arity>& out) {
+    const Mat3<T> h = displacement_gradient(u, d, rest.rest_inverse);
+    const Deviator<T> deviator = Law::deviator(h, green_strain(h), rest.shape);
+    const Mat3<T> cof_minus_i = NeoHookean::cofactor_strain(h);
+    const T r = Law::stress_at_rest(rest.shape);
+    const T c_d = square_root(Law::at_rest(rest.shape) + deviator.beyond_rest);
+    const T j_minus_1 = NeoHookean::volume_strain(h);
+    const auto scatter = [&rest](T s, const Mat3<T>& p, Vec3<T>* g) {
+      NeoHookean::scatter(s, p, rest.rest_inverse, g);
+    };
+    out.value[0] = c_d;
+    out.value[1] = j_minus_1 - r * rest.deviatoric / rest.hydrostatic;
+    out.remainder[0] = T(0);
+    out.remainder[1] = j_minus_1;
+    out.stiffness[0] = rest.deviatoric;
+    out.stiffness[1] = rest.hydrostatic;
+    scatter(select(c_d > T(0), T(1) / c_d, T(0)), r * plus_identity(T(1), h) + deviator.x,
+            out.gradient[0]);
+    scatter(T(1), plus_identity(T(1), cof_minus_i), out.gradient[1]);
+    scatter(-rest.deviatoric, r * (h - cof_minus_i) + deviator.x, out.preload);
+  }
+
+  static double explicit_modulus(const Material& material, const Params&) {
+    const Lame constants = lame(material);
+    return constants.lambda + 2.0 * constants.mu;
+  }
+
+  // Psi(F) - Psi(I), J/m3.
+  static double energy_density(const Material& material, const Params& params,
+                               const Mat3<double>& h) {
+    const Moduli moduli = Law::moduli(material, params);
+    const auto shape = Law::template shape<double>(params);
+    const double j1 = NeoHookean::volume_strain(h);
+    const double beyond = Law::deviator(h, green_strain(h), shape).beyond_rest;
+    return 0.5 * moduli.deviatoric * (beyond - 2.0 * Law::stress_at_rest(shape) * j1) +
+           0.5 * moduli.hydrostatic * j1 * j1;
+  }
+  static double energy(const Model& model, std::size_t tet, const Params& params,
+                       const Mat3<double>& h) {
+    return energy_density(model.material(tet), params, h) * model.volume[tet];
+  }
+};
+
+}  // namespace viscera::sim
