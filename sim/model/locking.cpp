@@ -13,9 +13,11 @@ double locking_loss(double cell_over_thickness, double poisson_ratio, Element el
   const double lambda_over_mu = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio);
   const double squared = cell_over_thickness * cell_over_thickness;
   if (element == Element::smoothed) {
-    const bool has_groups = poisson_ratio > groups_above_nu;
-    return 1.0 -
-           1.0 / (1.0 + squared * (has_groups ? 0.1 : 0.172 * std::pow(lambda_over_mu, 0.69)));
+    // Of what edges keep beside groups (tet_groups.hpp), less what groups give way themselves.
+    const double kept = lambda_of_edges({lambda_over_mu, 1.0});
+    const double of_edges = 0.172 * std::pow(kept, 0.69);
+    const double given = kept < lambda_over_mu ? 0.127 * (9.0 - kept) / 7.5 : 0.0;
+    return 1.0 - 1.0 / (1.0 + squared * (of_edges - given));
   }
   const double x = squared * (2.0 + 0.6 * lambda_over_mu);
   return 1.0 - 1.0 / (1.0 + x / (1.0 + x / 7.0));

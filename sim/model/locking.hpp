@@ -1,13 +1,15 @@
 // How much elements lock. A linear tet has one volume for all of its motion, so that where a
 // material hardly changes its volume (Poisson's ratio near 1/2) a mesh of them can hardly bend: it
 // deflects too little, whatever the solver; smoothed elements lock too, though less, and above nu
-// 0.45 they have groups of tets for the volume and lock no more (effects/laws/grouped_volume.hpp).
-// With u the deflection that linear tets show, u_s that of smoothed elements and u_2 that of
-// quadratic tets on the same body (h: edge of a cell of six tets, t: thickness)
+// 0.45 groups of tets take over the volume, until they lock no more
+// (effects/laws/grouped_volume.hpp). With u the deflection that linear tets show, u_s that of
+// smoothed elements and u_2 that of quadratic tets on the same body (h: edge of a cell of six tets,
+// t: thickness)
 //
 //   u_2 / u = 1 + x / (1 + x / 7),   x = (h / t)^2 (2 + 0.6 lambda / mu),
 //   u_2 / u_s = 1 + 0.172 (h / t)^2 (lambda / mu)^0.69,   lambda / mu = 2 nu / (1 - 2 nu)
-//   u_2 / u_s = 1 + 0.1 (h / t)^2 above nu 0.45
+//   u_2 / u_s = 1 + (h / t)^2 (0.172 k^0.69 - 0.127 (9 - k) / 7.5) above nu 0.45, where edges keep
+//               k = lambda_s / mu of it (tet_groups.hpp)
 //
 // which is fitted to this project's FEM of order 1 against order 2: bars of 100 x 30 x 30 mm,
 // clamped at one end under their own weight, in 3, 4 and 6 cells of six tets (Kuhn) across, at nu

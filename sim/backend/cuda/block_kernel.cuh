@@ -23,6 +23,8 @@ inline constexpr EffectSet held_tissue = damped_tissue | effect_set<Grip, Collid
 // All of it of smoothed elements.
 inline constexpr EffectSet smoothed_tissue =
     (held_tissue & ~effect_set<NeoHookean>) | effect_set<SmoothedNeoHookean>;
+// With groups of tets for the volume.
+inline constexpr EffectSet grouped_tissue = smoothed_tissue | effect_set<GroupedVolume>;
 
 // What a frame's kernel is given; arrays over the local vertices of all blocks unless said
 // otherwise. A grid runs the blocks of the first member, then those of the next.
@@ -224,9 +226,10 @@ struct DirectWork {
 // Solves the elements phase by phase. A lane's next element is fetched while it works on the
 // present one: between two phases only displacements are waited for. Lanes without an element work
 // on another's and keep nothing, so that a warp stays together. `bounds` are those of the phases;
-// the table goes on beyond them.
+// the table goes on beyond them. Inlined by force: an element's item, up to 76 numbers of two, lies
+// in registers, and where nvcc makes a function of this it lies in local memory.
 template <bool one_warp_sweeps, class Work>
-__device__ void sweep(const Work& work, const int* bounds, int phases, int team) {
+__device__ __forceinline__ void sweep(const Work& work, const int* bounds, int phases, int team) {
   const int lane = static_cast<int>(threadIdx.x);
   if (lane >= team || phases == 0) return;
   int end = bounds[1], next_end = bounds[2];
@@ -254,7 +257,7 @@ __device__ void sweep(const Work& work, const int* bounds, int phases, int team)
   }
 }
 template <class Work>
-__device__ void sweep(const Work& work, const int* bounds, int phases, int team) {
+__device__ __forceinline__ void sweep(const Work& work, const int* bounds, int phases, int team) {
   if (team == one_warp) {
     sweep<true>(work, bounds, phases, team);
   } else {
@@ -276,8 +279,9 @@ __device__ void linearize_elements(const BlockVertices<T>& x,
 }
 
 template <class Effect, class T>
-__device__ void sweep_effect(const BlockView<Effect, T>& view, const BlockVertices<T>& x, int team,
-                             bool linearizes, WorkSpace work) {
+__device__ __forceinline__ void sweep_effect(const BlockView<Effect, T>& view,
+                                             const BlockVertices<T>& x, int team, bool linearizes,
+                                             WorkSpace work) {
   const int* const bounds = in_shared(view.phase_begin);
   const int phases = view.phases, count = bounds[phases];
   T* const history = view.history;
@@ -554,12 +558,13 @@ inline constexpr std::array kernel_variants<float>{variant<float, tissue, min_wi
                                                    variant<float, held_tissue, usual_width>(),
                                                    variant<float, held_tissue, max_width>(),
                                                    variant<float, smoothed_tissue, min_width>(),
+                                                   variant<float, grouped_tissue, min_width>(),
                                                    variant<float, all_effects, min_width>()};
 template <>
 inline constexpr std::array kernel_variants<double>{
-    variant<double, tissue, min_width>(), variant<double, damped_tissue, min_width>(),
-    variant<double, held_tissue, min_width>(), variant<double, smoothed_tissue, min_width>(),
-    variant<double, all_effects, min_width>()};
+    variant<double, tissue, min_width>(),         variant<double, damped_tissue, min_width>(),
+    variant<double, held_tissue, min_width>(),    variant<double, smoothed_tissue, min_width>(),
+    variant<double, grouped_tissue, min_width>(), variant<double, all_effects, min_width>()};
 
 template <class T>
 auto kernel_for(EffectSet named, int threads, bool single_block) {

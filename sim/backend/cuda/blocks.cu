@@ -390,7 +390,8 @@ class CudaBlocks final : public Ensemble {
     const EffectSet named = named_in(program_);
     const bool narrow = frame_.single_block || !has_several_widths<T>(named);
     const int most = narrow ? min_width : max_width;
-    if (items == 0 || !frame_.linearizes) items = frame_.max_locals;
+    // Vertices are worked on side by side as well, and groups of tets are fewer than these.
+    items = frame_.linearizes ? std::max(items, frame_.max_locals) : frame_.max_locals;
     threads_ = std::max(frame_.team, threads_for(items, frame_.max_shared, most));
     kernel_ = kernel_for<T>(named, threads_, frame_.single_block);
   }

@@ -3,8 +3,8 @@
 //   sum over groups k C^2 / 2,   C = det(I + H) - 1,   k = (lambda - lambda_s) V,   dC/dF = cof F
 //
 // with H the mean gradient of displacement over the group. The rest of the tissue's energy, with
-// lambda_s = 3/2 mu, that of nu .3, is that of the edges (smoothed_neo_hookean.hpp): one constraint
-// for each edge on all of lambda leaves a mesh too few ways to move. After F-bar-Patch
+// lambda_s = lambda_of_edges(), is that of the edges (smoothed_neo_hookean.hpp): one constraint for
+// each edge on all of lambda leaves a mesh too few ways to move. After F-bar-Patch
 // (tet_groups.hpp).
 #pragma once
 
@@ -19,7 +19,7 @@ namespace viscera::sim {
 struct GroupedVolume {
   static constexpr const char* name = "grouped_volume";
   static constexpr const char* doc =
-      "the part of the volume's stiffness beyond nu .3, of groups of tets";
+      "the part of the volume's stiffness that edges would lock with, of groups of tets";
   static constexpr EffectKind kind = EffectKind::element;
   static constexpr int arity = TetGroups::max_vertices;
   static constexpr int rows = 1;
@@ -33,9 +33,9 @@ struct GroupedVolume {
   static constexpr auto fields() { return std::tuple{}; }
 
   // Of lambda, what groups have and what they leave to the edges. Groups that a body has keep a
-  // little where a part of it has a nu of .3 or less.
+  // little where a part of it is of tissue that needs none.
   static double of_groups(const Lame& all) {
-    return std::max(all.lambda - 1.5 * all.mu, 1e-3 * all.mu);
+    return std::max(all.lambda - lambda_of_edges(all), 1e-3 * all.mu);
   }
   static Lame of_edges(const Lame& all) { return {all.lambda - of_groups(all), all.mu}; }
 

@@ -104,5 +104,43 @@ TEST(GroupedVolume, KeepsABarFromLocking) {
   EXPECT_GT(percent_off_quadratic_tets(0.49, Element::linear), 60.0);
 }
 
+// m, of the mean displacement of a cube of 384 tets that hangs from its top.
+double sag_of_a_hanging_cube(double poisson_ratio) {
+  Material material = soft_tissue;
+  material.poisson_ratio = poisson_ratio;
+  Model model = make_cube(4, material, 0.1);
+  for (std::size_t v = 0; v < model.vertex_count(); ++v)
+    model.fixed[v] = model.rest[v].z > 0.05 - 1e-9;
+  Scene scene = elastic_scene();
+  scene.params<Gravity>().emplace_back();
+  set_element(scene.effects, Element::smoothed, poisson_ratio);
+  double sum = 0.0;
+  for (const auto& u : equilibrium(model, scene, 1).u) sum -= u.z;
+  return sum / static_cast<double>(model.vertex_count());
+}
+
+// Nor anywhere up to where groups have nearly all of it: a study over nu meets no step.
+TEST(GroupedVolume, ABodyDoesNotJumpWhereGroupsBegin) {
+  const double below = sag_of_a_hanging_cube(0.4499), above = sag_of_a_hanging_cube(0.4501);
+  EXPECT_NEAR(above, below, 2e-3 * below);
+  double before = below;
+  for (const double nu : {0.454, 0.458, 0.462, 0.466, 0.47, 0.474, 0.478, 0.482, 0.486, 0.49}) {
+    const double now = sag_of_a_hanging_cube(nu);
+    EXPECT_NEAR(now, before, 0.03 * before) << nu;
+    before = now;
+  }
+}
+
+// Beside tissue with groups, tissue that needs none keeps its lambda.
+TEST(GroupedVolume, TakesNothingFromTissueThatHardlyLocks) {
+  for (const double nu : {0.3, 0.45}) {
+    const Lame constants = lame({5e3, nu, 1060.0, 0.0});
+    EXPECT_LE(GroupedVolume::of_groups(constants), 1.001e-3 * constants.mu) << nu;
+  }
+  const Lame incompressible = lame({5e3, 0.499, 1060.0, 0.0});
+  EXPECT_NEAR(GroupedVolume::of_edges(incompressible).lambda, 1.5 * incompressible.mu,
+              1e-9 * incompressible.mu);
+}
+
 }  // namespace
 }  // namespace viscera::sim
