@@ -257,6 +257,16 @@ struct Collider {
             params.template roughness<T>()};
   }
 
+  // Of a place from where it is at a time, m in the model's frame; negative: inside.
+  static auto distance_at(const Model& model, const Params& params, double time) {
+    const Vec3<double> anchor = Shape::anchor(params, model.origin) +
+                                travelled(params.start, params.stop, time) * params.velocity;
+    return [anchor, solid = Shape::solid(params)](const Vec3<double>& place) {
+      Vec3<double> normal;
+      return Shape::distance(solid, place - anchor, normal);
+    };
+  }
+
   // Its place and motion; what it meets on the way it pushes out.
   template <class T>
   static void steer(Device<T>& it, const Vec3<double>& origin, const Params& params, double) {
@@ -320,6 +330,12 @@ struct Collider {
     double depth;  // of the vertex below it, m; not positive: no contact
   };
 
+  // For how long it has moved until a time, s.
+  SIM_HD static double travelled(double start, double stop, double time) {
+    const double until = time < stop ? time : stop;
+    return until > start ? until - start : 0.0;
+  }
+
   // How long the obstacle moves in this substep.
   template <class T>
   SIM_HD static double moving_time(const Device<T>& it, const Step<T>& step) {
@@ -331,11 +347,9 @@ struct Collider {
   template <class T>
   SIM_HD static Face meet(const Device<T>& it, const Step<T>& step, const Vec3<T>& rest,
                           const Vec3<T>& u, const Vec3<T>& d) {
-    const double until = step.time < it.stop ? step.time : it.stop;
-    const double travelled = until > it.start ? until - it.start : 0.0;
     const Vec3<double> path = cast<double>(d) - moving_time(it, step) * it.velocity;
     const Vec3<double> end = cast<double>(rest) + cast<double>(u) + cast<double>(d) -
-                             (it.anchor + travelled * it.velocity);
+                             (it.anchor + travelled(it.start, it.stop, step.time) * it.velocity);
     Vec3<double> at = end - path, normal, nearest;
     double gap = Shape::distance(it.solid, at, normal);
     if (gap > 0.0 && !enters(it.solid, path, at, normal, gap)) return {normal, -1.0};

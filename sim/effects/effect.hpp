@@ -73,6 +73,8 @@
 //   template <class T> SIM_HD static void rub(device, step, correction, v, d)
 //       after them, where the correction is not 0: friction and restitution on d; v is the velocity
 //       at the start of the substep
+//   static distance_at(model, params, time)      double(place): how far a place is from it, m, and
+//       negative inside
 //   template <class T> SIM_HD static Vec3<T> stop(device, step, rest_position, u, d)
 //       optional, at the very end: the correction of d that keeps a vertex from passing through
 // kind == force or contact, of what a hand leads while a run goes on:

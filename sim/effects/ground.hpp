@@ -45,6 +45,13 @@ struct Ground {
     return {cast<T>(n), static_cast<T>(lowest - params.clearance), params.roughness<T>()};
   }
 
+  // Of a place from it, m in the model's frame; negative: inside.
+  static auto distance_at(const Model& model, const Params& params, double /*time*/) {
+    return [ground = device<double>(model, params)](const Vec3<double>& place) {
+      return dot(ground.normal, place) - ground.offset;
+    };
+  }
+
   template <class T>
   SIM_HD static Vec3<T> push(const Device<T>& ground, const Step<T>&, const Vec3<T>& rest,
                              const Vec3<T>& u, const Vec3<T>& d) {

@@ -91,8 +91,7 @@ Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, Forc
           for (const int v : std::get<i>(on_).back().vertices)
             holder_[v] = static_cast<int>(names_.size());
         }
-        names_.push_back(all.size() == 1 ? std::string(Effect::name)
-                                         : std::string(Effect::name) + "." + std::to_string(k + 1));
+        names_.push_back(name_of<Effect>(all, k));
       }
     }
   });

@@ -50,6 +50,14 @@ struct Scene {
   }
 };
 
+// What the k-th of an effect is called: its key in the scene, with .1, .2, ... where it is named
+// several times.
+template <class Effect>
+std::string name_of(const std::vector<typename Effect::Params>& all, std::size_t k) {
+  return all.size() == 1 ? std::string(Effect::name)
+                         : std::string(Effect::name) + "." + std::to_string(k + 1);
+}
+
 // Throws Refusal for a time grid, a direction or a parameter that makes no sense, alone or with the
 // effects beside it.
 void check_scene(const Scene& scene);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "stages/simulate/body.hpp"
 #include "stages/simulate/probes.hpp"
 
 namespace viscera {
@@ -64,6 +65,7 @@ std::span<const StateColumn> state_columns() {
 }
 
 std::vector<FrameColumn> frame_columns(const sim::Model& model, std::span<const sim::Probe> probes,
+                                       std::span<const sim::GapProbe> gaps,
                                        const std::vector<std::string>& exerting) {
   using Frame = const ComputedFrame&;
   using Value = std::optional<FrameValue>;
@@ -95,6 +97,10 @@ std::vector<FrameColumn> frame_columns(const sim::Model& model, std::span<const 
     columns.add_point("probe_" + probes[k].name, "mm", 9, [&model, probes, k](Frame f) -> Point {
       return place_mm(model, probes[k], f.probes[k]);
     });
+  }
+  for (std::size_t k = 0; k < gaps.size(); ++k) {
+    columns.add(fmt::format("gap_{}_mm", gaps[k].name), 9,
+                [k](Frame f) -> Value { return m_to_mm * f.gaps[k]; });
   }
   return std::move(columns.all);
 }

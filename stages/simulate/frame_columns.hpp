@@ -26,6 +26,7 @@ struct FrameColumn {
 
 // Refers to the body and the probes; `exerting` are the names of the frames' forces.
 std::vector<FrameColumn> frame_columns(const sim::Model& model, std::span<const sim::Probe> probes,
+                                       std::span<const sim::GapProbe> gaps,
                                        const std::vector<std::string>& exerting);
 
 // Those that follow from one state alone.

@@ -214,6 +214,9 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     }
     if (!outcome.divergence.empty()) return outcome;
     for (const auto& probe : options.probes) frame.probes.push_back(probe.mean_of(state.u));
+    for (const auto& gap : options.gaps) {
+      frame.gaps.push_back(gap_now(model, scene, gap, state.u, frame.time_s).distance);
+    }
     frame.state_hash = timed(aside.diagnosis, [&] { return state.hash(); });
     timed(aside.writing, [&] { options.keep(frame, state); });
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "sim/measures/energy_watch.hpp"
+#include "sim/measures/gap.hpp"
 #include "sim/measures/reactions.hpp"
 #include "sim/model/probe.hpp"
 #include "sim/scene/diagnostics.hpp"
@@ -30,6 +31,7 @@ struct ComputedFrame {
   std::vector<sim::Resultant> forces = {};
   double handed_on = 0.0;                      // N, sim::Reactions::Found
   std::vector<sim::Vec3<double>> probes = {};  // m, the displacement of each
+  std::vector<double> gaps = {};               // m
 };
 
 // Wall time beside the steps, s; on a device at the same time as they.
@@ -69,6 +71,7 @@ struct FrameOptions {
   double acts_s = 0.0;                         // sim::Reactions
   sim::Reactions::ForcesOfTissue tissue = {};  // where tets are quadratic
   std::vector<sim::Probe> probes = {};
+  std::vector<sim::GapProbe> gaps = {};
 };
 
 // Body and scene, with which the solver was made, go through the schedule from its start on.

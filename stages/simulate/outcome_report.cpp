@@ -263,14 +263,35 @@ void report_probes(StageRun& run, const sim::Model& model, const std::vector<sim
   run.metric("probe_displacement_end", moved, "mm");
 }
 
+void report_gaps(StageRun& run, const std::vector<sim::GapProbe>& gaps, const Outcome& outcome) {
+  if (gaps.empty()) return;
+  Json at_end = Json::object(), least = Json::object();
+  for (std::size_t k = 0; k < gaps.size(); ++k) {
+    const auto smaller = [k](const ComputedFrame& a, const ComputedFrame& b) {
+      return a.gaps[k] < b.gaps[k];
+    };
+    at_end[gaps[k].name] = m_to_mm * outcome.frames.back().gaps[k];
+    least[gaps[k].name] = m_to_mm * std::ranges::min_element(outcome.frames, smaller)->gaps[k];
+    log::info("gap {} is {:.4g} mm at the end", gaps[k].name, at_end[gaps[k].name].get<double>());
+  }
+  run.metric("gap_end", at_end, "mm");
+  run.metric("gap_least", least, "mm");
+}
+
 void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& file,
-                      const std::vector<sim::Probe>& probes, const Outcome& outcome,
-                      const sim::SolverOptions& options) {
-  // The centroid of every label, and then what the run was to follow.
+                      const std::vector<sim::Probe>& probes, const std::vector<sim::GapProbe>& gaps,
+                      const Outcome& outcome, const sim::SolverOptions& options) {
+  // The centroid of every label, and then what the run was to follow: of a gap the vertex that is
+  // nearest, than which the gap is off by no more.
   std::vector<sim::Probe> asked;
   for (std::size_t m = 0; m < model.materials.size(); ++m)
     asked.push_back(sim::probe_of_centroid(model, model.label_names[m], static_cast<int>(m)));
   asked.insert(asked.end(), probes.begin(), probes.end());
+  for (const sim::GapProbe& gap : gaps) {
+    const double end_s = outcome.frames.back().time_s;
+    const int nearest = gap_now(model, file.scene, gap, outcome.last.u, end_s).nearest;
+    asked.push_back({gap.name, {{nearest, 1.0}}});
+  }
   sim::ErrorBar bar;
   const auto begin = std::chrono::steady_clock::now();
   if (!outcome.divergence.empty()) {
@@ -304,7 +325,7 @@ void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& f
         m_to_mm * bar.probes[k].total;
   }
   run.metric("error_centroids", centroids, "mm");
-  if (!probes.empty()) run.metric("error_probes", followed, "mm");
+  if (!followed.empty()) run.metric("error_probes", followed, "mm");
   log::info(
       "at rest the body is off by {:.3g} mm rms or less ({:.2g} % of its displacement): solver "
       "{:.2g}, element {:.2g}, mesh {:.2g}, support {:.2g} mm; {:.1f} s",

@@ -17,7 +17,8 @@ namespace {
 struct ProbeRequest {
   std::string name;
   std::optional<std::array<double, 3>> point;  // mm, LPS
-  std::string label;                           // of a centroid
+  std::string label;                           // of a centroid or a gap
+  std::string obstacle;                        // of a gap
 };
 
 ProbeRequest read_probe(const std::string& name, const Json& given) {
@@ -28,13 +29,21 @@ ProbeRequest read_probe(const std::string& name, const Json& given) {
                 {.where = "parameters",
                  .field = field,
                  .found = found,
-                 .allowed = "{point: [10 mm, -4 mm, 870 mm]}, or {centroid: LABEL}"});
+                 .allowed = "{point: [10 mm, -4 mm, 870 mm]}, {centroid: LABEL} or {between: "
+                            "[LABEL, OBSTACLE]}"});
   };
   const Json values = resolve(probes_param().entry, given, "parameters", field + ".");
-  ProbeRequest probe{.name = name, .point = {}, .label = values.at("centroid").get<std::string>()};
-  if (!values.at("point").is_null()) probe.point = read_place(values.at("point"), field + ".point");
-  if (probe.point.has_value() != probe.label.empty())
-    refuse(probe.point ? "both point and centroid" : "neither point nor centroid");
+  const Json &point = values.at("point"), &between = values.at("between");
+  ProbeRequest probe{
+      .name = name, .point = {}, .label = values.at("centroid").get<std::string>(), .obstacle = {}};
+  const int kinds = !point.is_null() + !probe.label.empty() + !between.is_null();
+  if (kinds != 1) refuse(kinds == 0 ? "none of point, centroid and between" : "several at once");
+  if (!point.is_null()) probe.point = read_place(point, field + ".point");
+  if (!between.is_null()) {
+    if (between.size() != 2 || !between[0].is_string() || !between[1].is_string())
+      refuse("between " + between.dump());
+    probe.label = between[0].get<std::string>(), probe.obstacle = between[1].get<std::string>();
+  }
   return probe;
 }
 
@@ -43,6 +52,20 @@ std::vector<ProbeRequest> read_requests(const StageRun& run) {
   for (const auto& [name, value] : run.params().at("probes").items())
     requests.push_back(read_probe(name, value));
   return requests;
+}
+
+// Which of `all` a name is.
+int number_of(const std::string& name, const std::vector<std::string>& all,
+              const std::string& field, const char* what, const char* allowed) {
+  const auto found = std::ranges::find(all, name);
+  if (found == all.end()) {
+    throw Error(ExitCode::bad_config, {.where = "parameters",
+                                       .field = "probes." + field,
+                                       .found = "'" + name + "', " + what,
+                                       .allowed = allowed,
+                                       .remedy = suggest(name, all)});
+  }
+  return static_cast<int>(found - all.begin());
 }
 
 // Follows those of `probes`, whose names they must not have.
@@ -82,10 +105,15 @@ Param probes_param() {
                      .type = ParamType::list,
                      .fallback = nullptr,
                      .doc = "a point of the body at rest, [x, y, z], LPS"},
-                    {.name = "centroid", .fallback = "", .doc = "a label of the mesh"}},
+                    {.name = "centroid", .fallback = "", .doc = "a label of the mesh"},
+                    {.name = "between",
+                     .type = ParamType::list,
+                     .fallback = nullptr,
+                     .doc = "a label of the mesh and an obstacle of the scene"}},
           .doc =
-              "points of the body at rest and centroids of labels to follow, in metrics.csv: "
-              "{tip: {point: [10 mm, -4 mm, 870 mm]}, lump: {centroid: tumour}}; LPS"};
+              "points of the body at rest, centroids of labels and gaps between labels and "
+              "obstacles to follow, in metrics.csv: {tip: {point: [10 mm, -4 mm, 870 mm]}, lump: "
+              "{centroid: tumour}, gap: {between: [liver, ground]}}; LPS"};
 }
 
 void check_probes(const StageRun& run) {
@@ -94,25 +122,36 @@ void check_probes(const StageRun& run) {
 
 std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model) {
   std::vector<sim::Probe> probes;
-  for (const auto& [name, point, label] : read_requests(run)) {
-    if (point) {
-      const auto& [x, y, z] = *point;
-      probes.push_back(sim::probe_of_point(model, name, mm_to_m * sim::Vec3<double>{x, y, z}));
-      continue;
+  for (const ProbeRequest& asked : read_requests(run)) {
+    if (!asked.obstacle.empty()) continue;
+    if (asked.point) {
+      const auto& [x, y, z] = *asked.point;
+      probes.push_back(
+          sim::probe_of_point(model, asked.name, mm_to_m * sim::Vec3<double>{x, y, z}));
+    } else {
+      const int material = number_of(asked.label, model.label_names, asked.name + ".centroid",
+                                     "a label that the mesh has not", "a label of the mesh");
+      probes.push_back(sim::probe_of_centroid(model, asked.name, material));
     }
-    const auto found = std::ranges::find(model.label_names, label);
-    if (found == model.label_names.end()) {
-      throw Error(ExitCode::bad_config, {.where = "parameters",
-                                         .field = "probes." + name + ".centroid",
-                                         .found = "'" + label + "', a label that the mesh has not",
-                                         .allowed = "a label of the mesh",
-                                         .remedy = suggest(label, model.label_names)});
-    }
-    probes.push_back(
-        sim::probe_of_centroid(model, name, static_cast<int>(found - model.label_names.begin())));
   }
   if (run.has_input("landmarks")) add_landmarks(run, model, probes);
   return probes;
+}
+
+std::vector<sim::GapProbe> read_gaps(const StageRun& run, const sim::Model& model,
+                                     const sim::Scene& scene) {
+  std::vector<sim::GapProbe> gaps;
+  for (const ProbeRequest& asked : read_requests(run)) {
+    if (asked.obstacle.empty()) continue;
+    const std::string field = asked.name + ".between";
+    number_of(asked.obstacle, sim::obstacles_of(scene), field,
+              "an obstacle that is not in the scene", "ground or another obstacle of the scene");
+    gaps.push_back({asked.name,
+                    number_of(asked.label, model.label_names, field,
+                              "a label that the mesh has not", "a label of the mesh"),
+                    asked.obstacle});
+  }
+  return gaps;
 }
 
 sim::Vec3<double> place_mm(const sim::Model& model, const sim::Probe& probe,
@@ -125,7 +164,9 @@ void write_landmarks(const StageRun& run, const sim::Model& model,
                      const std::vector<sim::Vec3<double>>& u) {
   if (!run.has_input("landmarks")) return;
   std::vector<Landmark> at_end;
-  for (std::size_t k = run.params().at("probes").size(); k < probes.size(); ++k) {
+  std::size_t first = 0;  // after those of `probes`
+  for (const ProbeRequest& asked : read_requests(run)) first += asked.obstacle.empty();
+  for (std::size_t k = first; k < probes.size(); ++k) {
     const auto place = place_mm(model, probes[k], u[k]);
     at_end.push_back({probes[k].name, {place.x, place.y, place.z}});
   }

@@ -1,15 +1,17 @@
-// Points and centroids that a run is to follow, as its parameter `probes` names them, and landmarks
-// of its input of that role (stages/mesh/landmark_io.hpp).
+// Points, centroids and gaps that a run is to follow, as its parameter `probes` names them, and
+// landmarks of its input of that role (stages/mesh/landmark_io.hpp).
 #pragma once
 
 #include <vector>
 
+#include "sim/measures/gap.hpp"
 #include "sim/model/probe.hpp"
 #include "stages/program/stage_main.hpp"
 
 namespace viscera {
 
-// The parameter: {tip: {point: [10 mm, -4 mm, 870 mm]}, lump: {centroid: tumour}}.
+// The parameter: {tip: {point: [10 mm, -4 mm, 870 mm]}, lump: {centroid: tumour},
+// gap: {between: [liver, ground]}}.
 Param probes_param();
 
 // Throws Error(bad_config) for what names no probe, whatever the body.
@@ -18,6 +20,11 @@ void check_probes(const StageRun& run);
 // The probes of a body, then the landmarks. Throws Error(bad_config) for a label that it does not
 // have, sim::Refusal for a point outside of it, and Error(bad_input) for a landmark outside.
 std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model);
+
+// Those of gaps. Throws Error(bad_config) for a label that the body does not have and for an
+// obstacle that is not in the scene.
+std::vector<sim::GapProbe> read_gaps(const StageRun& run, const sim::Model& model,
+                                     const sim::Scene& scene);
 
 // Where a probe is that has moved by u, m: LPS mm.
 sim::Vec3<double> place_mm(const sim::Model& model, const sim::Probe& probe,

@@ -24,9 +24,10 @@ Json to_json(const ComputedFrame& f) {
     forces.push_back({force.x, force.y, force.z, moment.x, moment.y, moment.z});
   }
   for (const auto& u : f.probes) probes.push_back({u.x, u.y, u.z});
-  return {f.index,        f.time_s,     d.kinetic,  d.elastic,   d.gravity,   d.volume,
-          d.volume_ratio, d.min_j,      d.inverted, d.max_speed, d.rms_speed, d.max_displacement,
-          f.contacts,     f.state_hash, f.step_ms,  forces,      f.handed_on, probes};
+  return {f.index,     f.time_s,           d.kinetic,  d.elastic,    d.gravity,
+          d.volume,    d.volume_ratio,     d.min_j,    d.inverted,   d.max_speed,
+          d.rms_speed, d.max_displacement, f.contacts, f.state_hash, f.step_ms,
+          forces,      f.handed_on,        probes,     f.gaps};
 }
 
 ComputedFrame frame_from(const JsonValue& json) {
@@ -49,7 +50,8 @@ ComputedFrame frame_from(const JsonValue& json) {
   };
   for (const auto& of : json[i++].items()) f.forces.push_back({vector(of, 0), vector(of, 3)});
   read(f.handed_on);
-  for (const auto& of : json[i].items()) f.probes.push_back(vector(of, 0));
+  for (const auto& of : json[i++].items()) f.probes.push_back(vector(of, 0));
+  for (const auto& of : json[i].items()) f.gaps.push_back(of.number());
   return f;
 }
 

@@ -51,8 +51,9 @@ constexpr double border_worth_a_word = 0.2;
 // metrics.csv: one row a frame, every column with its unit; no times of the machine, so that equal
 // runs give equal files.
 void write_metrics(const std::filesystem::path& path, const sim::Model& model,
-                   const std::vector<sim::Probe>& probes, const Outcome& outcome) {
-  const std::vector<FrameColumn> columns = frame_columns(model, probes, outcome.exerting);
+                   const std::vector<sim::Probe>& probes, const std::vector<sim::GapProbe>& gaps,
+                   const Outcome& outcome) {
+  const std::vector<FrameColumn> columns = frame_columns(model, probes, gaps, outcome.exerting);
   const auto line = [&columns](auto&& text_of) {
     std::string text;
     for (const FrameColumn& column : columns) text += (text.empty() ? "" : ",") + text_of(column);
@@ -245,6 +246,7 @@ void write_formats(StageRun& run, const SceneFile& file, const TetMesh& mesh,
 void simulate(StageRun& run) {
   auto [file, mesh, model] = set_up(run);
   const std::vector<sim::Probe> probes = read_probes(run, model);
+  const std::vector<sim::GapProbe> gaps = read_gaps(run, model, file.scene);
   const Schedule schedule(file);
   const int asked_substeps = file.scene.time.substeps;
   const auto [options, why] = solver_choice(run, model, file.scene);
@@ -292,7 +294,7 @@ void simulate(StageRun& run) {
   }
   ExplicitWatch watch(model, file.scene);
   FrameOptions frames = frame_options(run, file, model, options);
-  frames.probes = probes;
+  frames.probes = probes, frames.gaps = gaps;
   frames.kept = [&](const Outcome& so_far) { resume.note(so_far); };
   frames.keep = [&, &body = model](const ComputedFrame& frame, const sim::State& state) {
     const std::vector<float> positions = positions_mm(body, state);
@@ -314,15 +316,17 @@ void simulate(StageRun& run) {
   }
   trajectory.finish();
   write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s());
-  write_metrics(run.out("metrics.csv"), model, probes, outcome);
+  write_metrics(run.out("metrics.csv"), model, probes, gaps, outcome);
   report_outcome(run, model, file, schedule, outcome);
   report_probes(run, model, probes, outcome);
+  report_gaps(run, gaps, outcome);
   write_landmarks(run, model, probes, outcome.frames.back().probes);
   if (run.param<bool>("stress")) {
     write_stress(run, mesh, model, file.scene, outcome.last,
                  element == sim::Element::quadratic ? 2 : 1);
   }
-  if (run.param<bool>("certify")) report_error_bar(run, model, file, probes, outcome, options);
+  if (run.param<bool>("certify"))
+    report_error_bar(run, model, file, probes, gaps, outcome, options);
   if (!outcome.divergence.empty()) {
     report_divergence(run, model, outcome);
   } else {

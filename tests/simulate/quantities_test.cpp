@@ -99,14 +99,33 @@ TEST_F(Simulate, ProbesAreFollowedAndHaveErrorBars) {
   EXPECT_NE(read_file(path("out") / "metrics.csv").find(",probe_tip_z_mm"), std::string::npos);
 }
 
+TEST_F(Simulate, AGapIsFollowedUntilTheBodyLies) {
+  ASSERT_EQ(run(drop_scene,
+                {"--set", "probes={fall: {between: [liver, ground]}, all: {centroid: liver}}"}),
+            0)
+      << errors;
+  const double end = metric("gap_end").at("fall").get<double>();
+  EXPECT_NEAR(end, 0.0, 0.01) << "it lies on the ground";
+  EXPECT_LE(metric("gap_least").at("fall").get<double>(), end);
+  EXPECT_EQ(metric("probe_end").size(), 1u);
+  const std::string table = read_file(path("out") / "metrics.csv");
+  const std::size_t first = table.find('\n') + 1;
+  EXPECT_NE(table.substr(0, first).find(",gap_fall_mm"), std::string::npos);
+  const std::string start = table.substr(first, table.find('\n', first) - first);
+  EXPECT_NEAR(std::stod(start.substr(start.rfind(',') + 1)), 5.0, 1e-6) << "the clearance, mm";
+}
+
 TEST_F(Simulate, ProbesThatNameNothingAreRefused) {
   const std::pair<const char*, const char*> cases[] = {
       {"{far: {point: [1 m, 0 mm, 0 mm]}}", "mm outside of the body"},
       {"{far: {point: [1, 2, 3]}}", "probes.far.point"},
       {"{far: {point: [1 mm, 2 mm]}}", "three coordinates"},
       {"{lump: {centroid: livre}}", "did you mean 'liver'?"},
-      {"{lump: {}}", "neither point nor centroid"},
-      {"{lump: {centroid: liver, point: [1 mm, 2 mm, 3 mm]}}", "both point and centroid"},
+      {"{lump: {}}", "none of point, centroid and between"},
+      {"{lump: {centroid: liver, point: [1 mm, 2 mm, 3 mm]}}", "several at once"},
+      {"{gap: {between: [liver, grount]}}", "did you mean 'ground'?"},
+      {"{gap: {between: [lever, ground]}}", "did you mean 'liver'?"},
+      {"{gap: {between: [liver]}}", "probes.gap"},
       {"{lump: liver}", "probes.lump"},
       {"{'a,b': {centroid: liver}}", "letters, digits"},
       {"{tip: {pint: [1 mm, 2 mm, 3 mm]}}", "did you mean 'point'?"},

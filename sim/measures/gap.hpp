@@ -1,0 +1,31 @@
+// How far a part of the body is from an obstacle.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "sim/scene/scene.hpp"
+
+namespace viscera::sim {
+
+// Names of a scene's obstacles, which are its effects of contact, as name_of() has them.
+std::vector<std::string> obstacles_of(const Scene& scene);
+
+// A quantity that a reader asks for, beside the Probe of model/probe.hpp: no mean of vertices.
+struct GapProbe {
+  std::string name;
+  int material;          // of the model's
+  std::string obstacle;  // of obstacles_of()
+};
+
+struct Gap {
+  double distance;  // m, the smallest of the material's vertices; negative: inside
+  int nearest;      // the vertex that has it
+};
+
+// With displacements u, [n] m, at a time, s. Faces between vertices may be nearer, by no more than
+// the obstacle's curvature over an edge.
+Gap gap_now(const Model& model, const Scene& scene, const GapProbe& probe,
+            const std::vector<Vec3<double>>& u, double time);
+
+}  // namespace viscera::sim

@@ -1,0 +1,65 @@
+// How far a part of the body is from an obstacle, against distances by hand.
+#include "sim/measures/gap.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/sim/shapes.hpp"
+
+namespace viscera::sim {
+namespace {
+
+using Displacement = std::vector<Vec3<double>>;
+
+// A cube of 5 cm whose lowest corner is at the origin of the mesh.
+struct GapOf : testing::Test {
+  Model model = make_cube(2);
+  Scene scene;
+
+  double between(const std::string& obstacle, const Displacement& u, double time,
+                 int material = 0) {
+    return gap_now(model, scene, {"gap", material, obstacle}, u, time).distance;
+  }
+  Displacement moved(const Vec3<double>& by) const {
+    return Displacement(model.vertex_count(), by);
+  }
+};
+
+TEST_F(GapOf, TheGroundIsItsClearanceAndWhatTheBodyHasRisen) {
+  scene.params<Ground>().emplace_back().clearance = 0.02;
+  EXPECT_NEAR(between("ground", moved({}), 0.0), 0.02, 1e-12);
+  EXPECT_NEAR(between("ground", moved({0.1, 0.0, 0.003}), 0.0), 0.023, 1e-12);
+  EXPECT_NEAR(between("ground", moved({0.0, 0.0, -0.021}), 0.0), -0.001, 1e-12) << "inside";
+}
+
+TEST_F(GapOf, AnObstacleIsMeasuredWhereItHasMovedTo) {
+  Collider<Sphere>::Params ball;
+  ball.center = {0.05, 0.05, 0.1}, ball.radius = 0.01;
+  ball.velocity = {0.0, 0.0, -0.01}, ball.start = 1.0, ball.stop = 3.0;
+  scene.params<Collider<Sphere>>().push_back(ball);
+  for (const auto& [time, gap] : {std::pair{0.5, 0.04}, {2.0, 0.03}, {9.0, 0.02}})
+    EXPECT_NEAR(between("sphere", moved({}), time), gap, 1e-12) << time;
+  const Gap found = gap_now(model, scene, {"gap", 0, "sphere"}, moved({}), 0.0);
+  const Vec3<double> nearest = model.rest[found.nearest] + model.origin;
+  EXPECT_LT(norm(nearest - Vec3<double>{0.05, 0.05, 0.05}), 1e-12);
+}
+
+TEST_F(GapOf, ObstaclesOfOneKindHaveNumbersAndLabelsAreApart) {
+  Collider<Plane>::Params plane;
+  plane.point = {0.0, 0.0, -0.01};
+  scene.params<Collider<Plane>>().push_back(plane);
+  plane.point = {0.0, 0.0, -0.03};
+  scene.params<Collider<Plane>>().push_back(plane);
+  EXPECT_EQ(obstacles_of(scene), (std::vector<std::string>{"plane.1", "plane.2"}));
+  EXPECT_NEAR(between("plane.2", moved({}), 0.0), 0.03, 1e-12);
+  model.materials.push_back(model.materials.front());
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    double lowest = 1.0;
+    for (const int v : model.tets[t]) lowest = std::min(lowest, model.rest[v].z + model.origin.z);
+    model.material_of[t] = lowest > 0.025 - 1e-9;  // the upper half
+  }
+  EXPECT_NEAR(between("plane.1", moved({}), 0.0, 0), 0.01, 1e-12);
+  EXPECT_NEAR(between("plane.1", moved({}), 0.0, 1), 0.035, 1e-12);
+}
+
+}  // namespace
+}  // namespace viscera::sim
