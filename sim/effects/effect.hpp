@@ -10,6 +10,8 @@
 //   struct Params;                               SI values with their defaults
 //   static constexpr auto fields();              tuple of Field: how the scene writes the params
 //   static void check(params)                    optional: throws Refusal beyond the fields' ranges
+//   static void check_together(all)              optional: likewise of all Params that a scene
+//   names
 //
 // kind == force, motion or contact, and an element effect with a history, which may change with
 // time while nothing else does:

@@ -88,6 +88,8 @@ void check_scene(const Scene& scene) {
         refuse_restitution_of_a_body<Effect>(params, body);
       }
     }
+    if constexpr (requires { Effect::check_together(std::get<i>(scene.effects)); })
+      Effect::check_together(std::get<i>(scene.effects));
   });
 }
 

@@ -42,10 +42,8 @@ struct PowersOfStretch {
 // exponents less than 2, above it for larger ones.
 template <class T>
 struct OgdenShape {
-  static constexpr double most = 1e4;
+  static constexpr double most = 1e4, flat = -0.999;
   T exponent, limit;
-
-  static constexpr double flat = -0.999;
 
   static OgdenShape of(double a) {
     const double limit = std::pow(most, 2.0 / (a - 2.0)) - 1.0;
@@ -109,13 +107,24 @@ struct Ogden : Hyperelastic<Ogden, OgdenParams> {
         Field{"exponent", "1", &Params::exponent, -20.0, 20.0,
               "a of the powers of principal stretches; 2: neo_hookean"},
         Field{
-            "share", "1", &Params::share, 0.0, 1.0,
+            "share", "1", &Params::share, 1e-3, 1.0,
             "of the label's moduli that this exponent has, where `ogden` is named several times"}};
   }
   static void check(const Params& params) {
     if (std::abs(params.exponent) >= 0.5) return;
     throw Refusal(Refusal::Cause::scene, "effects.ogden.exponent", std::to_string(params.exponent),
                   "-20 to -0.5 or 0.5 to 20", "an exponent that the tissue was measured with");
+  }
+
+  static void check_together(const std::vector<Params>& all) {
+    double sum = 0.0;
+    for (const Params& params : all) sum += params.share;
+    if (all.empty() || std::abs(sum - 1.0) < 1e-6) return;
+    throw Refusal(Refusal::Cause::scene, "effects.ogden.share", std::to_string(sum) + " in all",
+                  "shares that add up to 1: together they are the label's E");
+  }
+  static double explicit_modulus(const Material& material, const Params& params) {
+    return params.share * Hyperelastic::explicit_modulus(material, params);
   }
 
   template <class T>

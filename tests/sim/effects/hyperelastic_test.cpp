@@ -252,5 +252,17 @@ TEST(Ogden, AnExponentNearZeroAndTissueThatItWouldLeaveWithoutAVolumeAreRefused)
   EXPECT_GT(Ogden::moduli(tissue(0.26), {-2.0}).hydrostatic, 0.0);
 }
 
+TEST(Ogden, SharesOfSeveralExponentsAreTheWholeOfYoungsModulus) {
+  Scene scene;
+  scene.params<Ogden>() = {{4.0, 0.3}, {-4.0, 0.7}};
+  EXPECT_NO_THROW(check_scene(scene));
+  scene.params<Ogden>().back().share = 0.6;
+  EXPECT_THROW(check_scene(scene), Refusal);
+  scene.params<Ogden>() = {{4.0, 0.5}};
+  EXPECT_THROW(check_scene(scene), Refusal);
+  const double whole = Ogden::explicit_modulus(tissue(0.45), {4.0, 1.0});
+  EXPECT_NEAR(Ogden::explicit_modulus(tissue(0.45), {4.0, 0.3}), 0.3 * whole, 1e-12 * whole);
+}
+
 }  // namespace
 }  // namespace viscera::sim
