@@ -189,9 +189,12 @@ SHARED = ["sim/effects/contact.hpp", "sim/model/selection.hpp", "sim/effects/col
 
 
 def block_of(text, name):
-    """From the comment above the struct of an effect to the name of the next one in its file."""
+    """From the struct of an effect, or of the parameters before it, to the next name in its file."""
     at = text.find(f'name = "{name}"')
     start = text.rfind("\nstruct ", 0, at)
+    own = re.match(r"\nstruct (\w+)", text[start:])[1]
+    params = text.rfind(f"\nstruct {own}Params ", 0, start)
+    start = params if params >= 0 else start
     after = text.find("static constexpr const char* name", at)
     return text[start:after if after >= 0 else len(text)]
 

@@ -105,7 +105,7 @@ TEST_F(Simulate, AGapIsFollowedUntilTheBodyLies) {
             0)
       << errors;
   const double end = metric("gap_end").at("fall").get<double>();
-  EXPECT_NEAR(end, 0.0, 0.01) << "it lies on the ground";
+  EXPECT_NEAR(end, 0.0, 0.05) << "it lies on the ground, into which a substep leaves it pressed";
   EXPECT_LE(metric("gap_least").at("fall").get<double>(), end);
   EXPECT_EQ(metric("probe_end").size(), 1u);
   const std::string table = read_file(path("out") / "metrics.csv");
