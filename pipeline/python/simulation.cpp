@@ -28,6 +28,7 @@ void Simulation::prepare() {
   sim::Model& model = setup_.model;
   sim::Scene& scene = setup_.file.scene;
   probes_ = read_probes(run_, model);
+  gaps_ = read_gaps(run_, model, scene);
   schedule_.emplace(setup_.file);
   options_ = solver_choice(run_, model, scene).options;
   scheme_ = scheme_name(options_);
@@ -68,7 +69,7 @@ Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep,
   state_.reset();
   FrameOptions frames = frame_options(run_, setup_.file, setup_.model, options_);
   frames.keep = [&keep](const ComputedFrame& frame, const sim::State&) { keep(frame); };
-  frames.probes = probes_;
+  frames.probes = probes_, frames.gaps = gaps_;
   if (watch_) frames.objects = std::ref(*watch_);
   sim::Scene& scene = setup_.file.scene;
   const auto end = [this, &scene, time = scene.time, rest = scene.rest] {

@@ -58,9 +58,8 @@ class Simulation {
   int frame() const { return frame_; }
   std::string device() const { return solver_->device(); }
   std::string scheme() const { return scheme_; }
-  const std::vector<sim::Probe>& probes() const { return probes_; }
   std::vector<FrameColumn> columns(const Outcome& outcome) const {
-    return frame_columns(body(), probes_, outcome.exerting);
+    return frame_columns(body(), probes_, gaps_, outcome.exerting);
   }
 
  private:
@@ -71,6 +70,7 @@ class Simulation {
   StageRun run_;
   Setup setup_;
   std::vector<sim::Probe> probes_;
+  std::vector<sim::GapProbe> gaps_;
   std::optional<Schedule> schedule_;
   sim::SolverOptions options_;
   std::string scheme_;

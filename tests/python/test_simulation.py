@@ -33,7 +33,7 @@ def test_a_run_gives_the_bits_of_the_program(demo, tmp_path, solver, substeps, f
     subprocess.run(
         [PROGRAMS / "viscera-simulate", "--in", f"mesh={demo / 'tetmesh/mesh.vtu'}", "--in", f"scene={scene}",
          "--set", f"solver={solver}", "--set", f"substeps={substeps}", "--set", f"end={end}", "--set", "threads=1",
-         "--set", "forces=true", "--out", tmp_path / "run"],
+         "--set", "forces=true", "--set", "probes={fall: {between: [liver, ground]}}", "--out", tmp_path / "run"],
         check=False,  # its gates fail: it has not come to rest
         capture_output=True,
     )
@@ -43,7 +43,7 @@ def test_a_run_gives_the_bits_of_the_program(demo, tmp_path, solver, substeps, f
 
     mesh = viscera.read_mesh(demo / "tetmesh/mesh.vtu")
     params = {"solver": solver, "substeps": substeps, "end": end, "threads": 1,
-              "forces": True}
+              "forces": True, "probes": {"fall": {"between": ["liver", "ground"]}}}
     result = viscera.Simulation(mesh, scene, **params).run()
     rows = result["frames"]
     assert [row["state_hash"] for row in rows] == [row["state_hash"] for row in program]
@@ -51,6 +51,8 @@ def test_a_run_gives_the_bits_of_the_program(demo, tmp_path, solver, substeps, f
     assert rows[2]["total_J"] == pytest.approx(float(program[2]["total_J"]), rel=1e-8)
     assert rows[1]["force_gravity_z_N"] == pytest.approx(
         float(program[1]["force_gravity_z_N"]), rel=1e-5)
+    assert rows[0]["gap_fall_mm"] == pytest.approx(20.0, abs=1e-6)  # the ground's clearance
+    assert rows[-1]["gap_fall_mm"] == pytest.approx(float(program[-1]["gap_fall_mm"]), rel=1e-8)
 
     stepped = viscera.Simulation(mesh, scene, **params)
     stepped.step(frames)
