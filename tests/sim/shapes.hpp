@@ -91,6 +91,10 @@ inline Scene particle_scene() {
   return scene;
 }
 
+inline Mat3<double> diagonal(double x, double y, double z) {
+  return {{{x, 0, 0}, {0, y, 0}, {0, 0, z}}};
+}
+
 // Parameters with which an effect does something.
 template <class Effect>
 typename Effect::Params sample_params() {

@@ -1,5 +1,5 @@
 // Every element effect of the registry: gradients and forces against finite differences, invariance
-// under rigid motion; and the Neo-Hookean stress against closed forms.
+// under rigid motion, and the same bits from every instruction set.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -8,50 +8,11 @@
 #include <numeric>
 
 #include "sim/backend/cpu/elements.hpp"
-#include "sim/model/corner_gradients.hpp"
 #include "sim/solvers/xpbd/linearized.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/sim/effects/element_sample.hpp"
 
 namespace viscera::sim {
 namespace {
-
-// One element, displaced at random, with a history.
-template <class Effect>
-struct Sample {
-  Model model = make_cube(1);
-  typename Effect::Params params = sample_params<Effect>();
-  std::array<int, Effect::arity> vertices;
-  typename Effect::template Rest<double> rest;
-  Vec3<double> u[Effect::arity], d[Effect::arity];
-  double history[history_of<Effect> + 1];
-
-  explicit Sample(unsigned seed) {
-    const auto& elements = Effect::elements(model, params);
-    vertices = elements[0];
-    rest = Effect::template rest<double>(model, elements, 0, params, 1e-3);
-    std::mt19937 generator(seed);
-    for (auto& a : u) a = random_vector(generator, 0.01);
-    for (auto& a : d) a = random_vector(generator, 1e-5);
-    for (auto& number : history) number = random_in(generator, -0.1, 0.1);
-  }
-  auto evaluate() const {
-    Evaluation<double, Effect::rows, Effect::arity> out{};
-    if constexpr (history_of < Effect >> 0) {
-      Effect::evaluate(rest, history, u, d, out);
-    } else {
-      Effect::evaluate(rest, u, d, out);
-    }
-    return out;
-  }
-  double energy() const {
-    const auto out = evaluate();
-    double sum = 0.0;
-    for (int row = 0; row < Effect::rows; ++row) {
-      sum += 0.5 * out.stiffness[row] * out.value[row] * out.value[row];
-    }
-    return sum;
-  }
-};
 
 // The force on a vertex.
 template <int rows, int arity>
@@ -367,74 +328,6 @@ TEST(Effects, LinearisedElementsGiveTheSolversImpulsesWhereTheyWereLinearised) {
   EXPECT_GT(effects, 1);
 }
 
-// On the vertices 1 to 3 by b_i(e) = b_i(0) - k_D grad N_i . grad N_j e_j.
-TEST(NeoHookean, TheShearOfALinearisedElementFollowsItsVertices) {
-  for (unsigned seed = 1; seed <= 5; ++seed) {
-    Sample<NeoHookean> sample(seed);
-    const double mobility[4] = {1e-5, 2e-5, 3e-5, 4e-5};
-    Linearized<NeoHookean, double> linear;
-    linearize<NeoHookean>(sample.rest, mobility, sample.u, sample.d, sample.history, linear);
-    const auto gradients = corner_gradients(sample.rest.rest_inverse);
-    const Vec3<double> still[3] = {}, way = {0.01, -0.02, 0.03};
-    Vec3<double> before[3];
-    linear.preload_at(still, before);
-    for (int j = 0; j < 3; ++j) {
-      Vec3<double> e[3] = {}, after[3];
-      e[j] = way;
-      linear.preload_at(e, after);
-      for (int i = 0; i < 3; ++i) {
-        const double slope = sample.rest.deviatoric * dot(gradients[i + 1], gradients[j + 1]);
-        EXPECT_LE(norm(after[i] - before[i] + slope * way), 1e-9 * norm(slope * way) + 1e-12)
-            << i << " by " << j;
-      }
-    }
-  }
-}
-
-// Dimensionless inside: single precision holds bodies from a micrometre to a kilometre.
-TEST(NeoHookean, SinglePrecisionHoldsTinyAndHugeElements) {
-  for (const double size : {1e-6, 1.0, 1e3}) {
-    Material scaled = soft_tissue;  // that the same steps do the same to all sizes
-    scaled.youngs_modulus *= size * size;
-    const Model model = make_cube(1, scaled, size);
-    const auto& elements = NeoHookean::elements(model, {});
-    const auto rest = NeoHookean::rest<float>(model, elements, 0, {}, 1e-3);
-    const auto exact = NeoHookean::rest<double>(model, elements, 0, {}, 1e-3);
-    std::mt19937 generator(5);
-    float mobility[4];
-    Vec3<float> u[4], d[4], p[4];
-    double mobility64[4];
-    Vec3<double> u64[4], d64[4], p64[4];
-    for (int i = 0; i < 4; ++i) {
-      u64[i] = random_vector(generator, 0.3 * size);
-      d64[i] = random_vector(generator, 1e-3 * size);
-      mobility64[i] = 1e-6 / model.mass[model.tets[0][i]];
-      u[i] = cast<float>(u64[i]);
-      d[i] = cast<float>(d64[i]);
-      mobility[i] = static_cast<float>(mobility64[i]);
-    }
-    Eliminated<NeoHookean>::xpbd_impulses(rest, mobility, u, d, p);
-    Eliminated<NeoHookean>::xpbd_impulses(exact, mobility64, u64, d64, p64);
-    double largest = 0.0;
-    for (const auto& impulse : p64) largest = std::max(largest, norm(impulse));
-    for (int i = 0; i < 4; ++i) {
-      EXPECT_LE(norm(cast<double>(p[i]) - p64[i]), 1e-5 * largest) << size << " m";
-    }
-  }
-}
-
-TEST(NeoHookean, AnElementFlatToAPointIsLeftAlone) {
-  Sample<NeoHookean> sample(1);
-  const double mobility[4] = {1e-6, 1e-6, 1e-6, 1e-6};
-  for (int i = 0; i < 4; ++i) {
-    sample.u[i] = -1.0 * sample.model.rest[sample.vertices[i]];
-    sample.d[i] = {};
-  }
-  Vec3<double> p[4];
-  Eliminated<NeoHookean>::xpbd_impulses(sample.rest, mobility, sample.u, sample.d, p);
-  for (const auto& impulse : p) EXPECT_EQ(norm(impulse), 0.0);
-}
-
 // (I + A S) y = -c for a random A = B B^T, some rows without stiffness.
 template <int rows>
 void check_rows() {
@@ -479,136 +372,6 @@ TEST(Effects, EveryInstructionSetGivesTheBitsOfTheScalarCode) {
       check_sweeps<Effect, double, force>(i);
     }
   });
-}
-
-// First Piola-Kirchhoff stress along x for F = diag(s, t, t), from the constraints' own values.
-double nominal_stress(const Material& material, double s, double t) {
-  const Lame constants = lame(material);
-  const double lambda = constants.neo_hookean_lambda();
-  const Mat3<double> h{{{s - 1.0, 0, 0}, {0, t - 1.0, 0}, {0, 0, t - 1.0}}};
-  const double c_h = NeoHookean::volume_strain(h) - constants.mu / lambda;
-  return constants.mu * s + lambda * c_h * cofactor(plus_identity(1.0, h)).col[0].x;
-}
-
-TEST(NeoHookean, UniaxialStressMatchesTheClosedForm) {
-  // t^2 = a/s - mu/(lambda s^2) makes the sides free of stress; P/E for nu = 0.45.
-  const Material material = {.youngs_modulus = 1.0, .poisson_ratio = 0.45, .density = 1.0};
-  const double table[][3] = {{0.5, 1.341641, -1.068966}, {0.7, 1.169336, -0.432191},
-                             {0.8, 1.103970, -0.249461}, {0.9, 1.048220, -0.110638},
-                             {1.1, 0.957787, 0.091738},  {1.2, 0.920447, 0.170338},
-                             {1.5, 0.829993, 0.358876},  {2.0, 0.724569, 0.599138}};
-  for (const auto& [s, t, p] : table) EXPECT_NEAR(nominal_stress(material, s, t), p, 3e-6) << s;
-}
-
-TEST(NeoHookean, StressIsTheDerivativeOfTheEnergy) {
-  const Material material = {.youngs_modulus = 5e3, .poisson_ratio = 0.45, .density = 1060.0};
-  const auto energy = [&material](double s, double t) {
-    return NeoHookean::energy_density(material, {{{s - 1, 0, 0}, {0, t - 1, 0}, {0, 0, t - 1}}});
-  };
-  EXPECT_EQ(energy(1.0, 1.0), 0.0);
-  for (const double s : {0.6, 0.9, 1.3}) {
-    constexpr double h = 1e-6;
-    const double slope = (energy(s + h, 0.95) - energy(s - h, 0.95)) / (2.0 * h);
-    EXPECT_NEAR(nominal_stress(material, s, 0.95), slope, 1e-6 * std::abs(slope));
-  }
-}
-
-TEST(NeoHookean, SmallStrainSlopeIsYoungsModulusForEveryPoissonRatio) {
-  for (const double nu : {0.0, 0.3, 0.45, 0.49}) {
-    const Material material = {.youngs_modulus = 1e4, .poisson_ratio = nu, .density = 1060.0};
-    const Lame constants = lame(material);
-    const double lambda = constants.neo_hookean_lambda(), a = 1.0 + constants.mu / lambda;
-    const double s = 1.0 + 1e-6;
-    const double t = std::sqrt(a / s - constants.mu / (lambda * s * s));
-    EXPECT_NEAR(nominal_stress(material, s, t) / 1e-6, 1e4, 1.0) << nu;
-  }
-}
-
-TEST(Viscosity, ItsBoundTakesTheLargestEigenvalue) {
-  std::mt19937 generator(11);
-  for (const auto& value : std::vector<std::array<double, 3>>{
-           {3.0, 1.0, 0.5}, {2.0, 2.0, 1.0}, {4.0, 1.0, 1.0}, {5.0, 5.0, 5.0}, {1.0, 0.0, 0.0}}) {
-    Vec3<double> a = random_vector(generator, 1.0), b = random_vector(generator, 1.0);
-    a = (1.0 / norm(a)) * a;
-    b -= dot(a, b) * a;
-    b = (1.0 / norm(b)) * b;
-    const Vec3<double> c = cross(a, b);
-    const auto column = [&](double x, double y, double z) {
-      return value[0] * x * a + value[1] * y * b + value[2] * z * c;
-    };
-    const Mat3<double> m{{column(a.x, b.x, c.x), column(a.y, b.y, c.y), column(a.z, b.z, c.z)}};
-    EXPECT_NEAR(largest_eigenvalue(m), value[0], 1e-7 * value[0]);
-  }
-}
-
-TEST(Viscosity, AShearRateMeetsTheStressOfANewtonianFluid) {
-  // The work of the forces over the substep is -V dt (2 eta |D|^2).
-  constexpr double dt = 1e-6;
-  const Model model = make_cube(1);
-  const auto rest = Viscosity::rest<double>(model, model.tets, 0, {}, dt);
-  const double rate = 3.0;  // 1/s, in simple shear: D has two entries rate/2
-  Vec3<double> u[4] = {}, d[4];
-  for (int i = 0; i < 4; ++i) d[i] = {rate * dt * model.rest[model.tets[0][i]].y, 0.0, 0.0};
-  Evaluation<double, 0, 4> out;
-  Viscosity::evaluate(rest, u, d, out);
-  double work = 0.0;
-  for (int i = 0; i < 4; ++i) work += dot(out.preload[i], d[i]);
-  const double eta = lame(soft_tissue).mu * soft_tissue.damping;
-  EXPECT_NEAR(work, -eta * rate * rate * model.volume[0] * dt, 1e-9 * std::abs(work));
-}
-
-TEST(Viscosity, ItsBoundIsThatOfTheWayInWhichATetGivesWayMost) {
-  // s x.x >= x.(sum b_i b_i^T / m_i) x of every x, and some x has both alike.
-  const Model model = make_box({0.05, 0.02, 0.03}, {2, 1, 1}, soft_tissue);
-  constexpr double dt = 1e-3;
-  std::mt19937 generator(13);
-  for (std::size_t tet = 0; tet < model.tet_count(); ++tet) {
-    const double unit = 2.0 * lame(soft_tissue).mu * soft_tissue.damping * dt * model.volume[tet];
-    const double s = Viscosity::explicit_number(model, tet, dt) / unit;
-    double most = 0.0;
-    for (int trial = 0; trial < 4000; ++trial) {
-      const Vec3<double> x = random_vector(generator, 1.0);
-      double sum = 0.0;
-      for (int i = 0; i < 4; ++i) {
-        Vec3<double> only[4] = {};
-        only[i] = {1.0, 0.0, 0.0};  // then row x of their gradient is b_i
-        const Mat3<double> h = displacement_gradient(only, model.rest_inverse[tet]);
-        const double along = dot(Vec3<double>{h.col[0].x, h.col[1].x, h.col[2].x}, x);
-        sum += along * along / model.mass[model.tets[tet][i]];
-      }
-      most = std::max(most, sum / dot(x, x));
-    }
-    EXPECT_LE(most, s * (1.0 + 1e-12)) << tet;
-    EXPECT_GE(most, 0.99 * s) << tet;
-  }
-}
-
-// A strength that single precision cannot hold is kept together with its bound.
-TEST(Viscosity, SinglePrecisionHoldsAStrengthBeyondItsRange) {
-  Material rigid = soft_tissue;
-  rigid.youngs_modulus = 1e38;
-  const Model model = make_cube(1, rigid);
-  constexpr double dt = 1e-9;
-  const auto rest = Viscosity::rest<float>(model, model.tets, 0, {}, dt);
-  const auto exact = Viscosity::rest<double>(model, model.tets, 0, {}, dt);
-  ASSERT_GT(2.0 * lame(rigid).mu * rigid.damping * model.volume[0] / dt, 3.5e38);
-  Vec3<float> u[4] = {}, d[4];
-  Vec3<double> u64[4] = {}, d64[4];
-  std::mt19937 generator(14);
-  for (int i = 0; i < 4; ++i) {
-    d[i] = cast<float>(random_vector(generator, 1e-6));
-    d64[i] = cast<double>(d[i]);
-  }
-  Evaluation<float, 0, 4> out;
-  Evaluation<double, 0, 4> exact_out;
-  Viscosity::evaluate(rest, u, d, out);
-  Viscosity::evaluate(exact, u64, d64, exact_out);
-  double size = 0.0;
-  for (const auto& force : exact_out.preload) size = std::max(size, norm(force));
-  ASSERT_GT(size, 0.0);
-  for (int i = 0; i < 4; ++i) {
-    EXPECT_LE(norm(cast<double>(out.preload[i]) - exact_out.preload[i]), 1e-5 * size) << i;
-  }
 }
 
 }  // namespace

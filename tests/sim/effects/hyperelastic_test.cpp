@@ -10,9 +10,6 @@
 namespace viscera::sim {
 namespace {
 
-Mat3<double> diagonal(double x, double y, double z) {
-  return {{{x, 0, 0}, {0, y, 0}, {0, 0, z}}};
-}
 Material tissue(double nu) {
   return {.youngs_modulus = 2.0 * (1.0 + nu), .poisson_ratio = nu, .density = 1.0};  // mu = 1
 }

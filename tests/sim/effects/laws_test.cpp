@@ -11,9 +11,6 @@ namespace {
 
 const Material unit = {.youngs_modulus = 1.0, .poisson_ratio = 0.45, .density = 1.0};
 
-Mat3<double> diagonal(double x, double y, double z) {
-  return {{{x, 0, 0}, {0, y, 0}, {0, 0, z}}};
-}
 Mat3<double> random_matrix(std::mt19937& generator, double size) {
   return {{random_vector(generator, size), random_vector(generator, size),
            random_vector(generator, size)}};
