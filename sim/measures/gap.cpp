@@ -1,6 +1,7 @@
 #include "sim/measures/gap.hpp"
 
 #include <limits>
+#include <set>
 
 namespace viscera::sim {
 namespace {
@@ -26,18 +27,25 @@ std::vector<std::string> obstacles_of(const Scene& scene) {
   return names;
 }
 
+GapProbe gap_probe(const Model& model, const std::string& name, int material,
+                   const std::string& obstacle) {
+  std::set<int> vertices;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    if (model.material_of[t] == material)
+      vertices.insert(model.tets[t].begin(), model.tets[t].end());
+  }
+  return {name, {vertices.begin(), vertices.end()}, obstacle};
+}
+
 Gap gap_now(const Model& model, const Scene& scene, const GapProbe& probe,
             const std::vector<Vec3<double>>& u, double time) {
   Gap gap{std::numeric_limits<double>::infinity(), -1};
   for_each_obstacle(scene, [&]<class Effect>(const auto& params, const std::string& name) {
     if (name != probe.obstacle) return;
     const auto distance = Effect::distance_at(model, params, time);
-    for (std::size_t t = 0; t < model.tet_count(); ++t) {
-      if (model.material_of[t] != probe.material) continue;
-      for (const int v : model.tets[t]) {
-        const double own = distance(model.rest[v] + u[v]);
-        if (own < gap.distance) gap = {own, v};
-      }
+    for (const int v : probe.vertices) {
+      const double own = distance(model.rest[v] + u[v]);
+      if (own < gap.distance) gap = {own, v};
     }
   });
   return gap;

@@ -14,12 +14,16 @@ std::vector<std::string> obstacles_of(const Scene& scene);
 // A quantity that a reader asks for, beside the Probe of model/probe.hpp: no mean of vertices.
 struct GapProbe {
   std::string name;
-  int material;          // of the model's
-  std::string obstacle;  // of obstacles_of()
+  std::vector<int> vertices;  // of the part, in order
+  std::string obstacle;       // of obstacles_of()
 };
 
+// Of one of the model's materials.
+GapProbe gap_probe(const Model& model, const std::string& name, int material,
+                   const std::string& obstacle);
+
 struct Gap {
-  double distance;  // m, the smallest of the material's vertices; negative: inside
+  double distance;  // m, the smallest of the part's vertices; negative: inside
   int nearest;      // the vertex that has it
 };
 

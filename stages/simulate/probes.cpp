@@ -146,10 +146,9 @@ std::vector<sim::GapProbe> read_gaps(const StageRun& run, const sim::Model& mode
     const std::string field = asked.name + ".between";
     number_of(asked.obstacle, sim::obstacles_of(scene), field,
               "an obstacle that is not in the scene", "ground or another obstacle of the scene");
-    gaps.push_back({asked.name,
-                    number_of(asked.label, model.label_names, field,
-                              "a label that the mesh has not", "a label of the mesh"),
-                    asked.obstacle});
+    const int material = number_of(asked.label, model.label_names, field,
+                                   "a label that the mesh has not", "a label of the mesh");
+    gaps.push_back(sim::gap_probe(model, asked.name, material, asked.obstacle));
   }
   return gaps;
 }
@@ -164,9 +163,8 @@ void write_landmarks(const StageRun& run, const sim::Model& model,
                      const std::vector<sim::Vec3<double>>& u) {
   if (!run.has_input("landmarks")) return;
   std::vector<Landmark> at_end;
-  std::size_t first = 0;  // after those of `probes`
-  for (const ProbeRequest& asked : read_requests(run)) first += asked.obstacle.empty();
-  for (std::size_t k = first; k < probes.size(); ++k) {
+  for (std::size_t k = 0; k < probes.size(); ++k) {
+    if (run.params().at("probes").contains(probes[k].name)) continue;
     const auto place = place_mm(model, probes[k], u[k]);
     at_end.push_back({probes[k].name, {place.x, place.y, place.z}});
   }

@@ -34,6 +34,14 @@ constexpr std::optional<ElasticLaw> law_of() {
   return {};
 }
 
+// StaticProblem::law_shape
+double shape_of(const sim::MooneyRivlinParams& params) {
+  return params.second;
+}
+double shape_of(const sim::OgdenParams& params) {
+  return params.exponent;
+}
+
 [[noreturn]] void refuse(std::string found) {
   throw sim::Refusal(
       sim::Refusal::Cause::scene, "formats", std::move(found),
@@ -108,14 +116,11 @@ class Collector {
       push(sim::Pressure::elements(body_, params), mpa_per_pa * params.pressure);
     } else if constexpr (law_of<Effect>().has_value()) {
       if (law_ && law_ != law_of<Effect>()) refuse("two elastic laws at once");
-      law_ = law_of<Effect>();
-      if constexpr (is_any_of<Effect, sim::MooneyRivlin, sim::Ogden>) {
-        if (out_.law_shape != 0.0) refuse("several terms of one elastic law");
-        if constexpr (std::is_same_v<Effect, sim::Ogden>)
-          out_.law_shape = params.exponent;
-        else
-          out_.law_shape = params.second;
+      if constexpr (requires { shape_of(params); }) {
+        if (law_) refuse("several terms of one elastic law");
+        out_.law_shape = shape_of(params);
       }
+      law_ = law_of<Effect>();
     } else if constexpr (!rests_without_force<Effect>) {
       refuse(std::string("effects.") + Effect::name);
     }

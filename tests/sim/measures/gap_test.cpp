@@ -17,7 +17,7 @@ struct GapOf : testing::Test {
 
   double between(const std::string& obstacle, const Displacement& u, double time,
                  int material = 0) {
-    return gap_now(model, scene, {"gap", material, obstacle}, u, time).distance;
+    return gap_now(model, scene, gap_probe(model, "gap", material, obstacle), u, time).distance;
   }
   Displacement moved(const Vec3<double>& by) const {
     return Displacement(model.vertex_count(), by);
@@ -38,7 +38,7 @@ TEST_F(GapOf, AnObstacleIsMeasuredWhereItHasMovedTo) {
   scene.params<Collider<Sphere>>().push_back(ball);
   for (const auto& [time, gap] : {std::pair{0.5, 0.04}, {2.0, 0.03}, {9.0, 0.02}})
     EXPECT_NEAR(between("sphere", moved({}), time), gap, 1e-12) << time;
-  const Gap found = gap_now(model, scene, {"gap", 0, "sphere"}, moved({}), 0.0);
+  const Gap found = gap_now(model, scene, gap_probe(model, "gap", 0, "sphere"), moved({}), 0.0);
   const Vec3<double> nearest = model.rest[found.nearest] + model.origin;
   EXPECT_LT(norm(nearest - Vec3<double>{0.05, 0.05, 0.05}), 1e-12);
 }
