@@ -128,13 +128,37 @@ double volume_above(const Frame& frame, const Field& field, double level) {
   return cells * frame.voxel_volume();
 }
 
-double matched_level(const Frame& frame, const Field& field, double volume) {
-  double low = 0.0, high = 1.0;  // the volume falls as the level rises
+namespace {
+
+// Where a volume that falls from `low` to `high` has a value.
+template <class Volume>
+double bisect(double low, double high, double wanted, Volume&& volume) {
   for (int step = 0; step < 16; ++step) {
     const double middle = 0.5 * (low + high);
-    (volume_above(frame, field, middle) > volume ? low : high) = middle;
+    (volume(middle) > wanted ? low : high) = middle;
   }
   return 0.5 * (low + high);
+}
+
+Field less(const Field& field, double part, const Field& share) {
+  Field result(field.size());
+  for (std::size_t v = 0; v < field.size(); ++v)
+    result[v] = field[v] - static_cast<float>(part) * share[v];
+  return result;
+}
+
+}  // namespace
+
+double matched_level(const Frame& frame, const Field& field, double volume) {
+  return bisect(0.0, 1.0, volume, [&](double level) { return volume_above(frame, field, level); });
+}
+
+Field matched_field(const Frame& frame, const Field& field, const Field& share, double level,
+                    double volume) {
+  const double part = bisect(-1.0, 1.0, volume, [&](double tried) {
+    return volume_above(frame, less(field, tried, share), level);
+  });
+  return less(field, part, share);
 }
 
 }  // namespace viscera

@@ -32,4 +32,9 @@ double volume_above(const Frame& frame, const Field& field, double level);
 // The level in (0, 1) at which volume_above equals `volume` to about 1e-4 of it.
 double matched_level(const Frame& frame, const Field& field, double volume);
 
+// The field less so much of `share` that what is above `level` has this volume: the surface moves
+// in proportion to `share`, in [0, 1] and more than 0 somewhere.
+Field matched_field(const Frame& frame, const Field& field, const Field& share, double level,
+                    double volume);
+
 }  // namespace viscera

@@ -18,8 +18,10 @@ RegionRequest read_region(const std::string& name, const Json& given) {
   check_plain_name(name, "regions", "region");  // it names an array of a file
   const Json values = resolve(region_params(), given, "parameters", prefix);
   const auto corner = [&](const char* key) { return read_place(values.at(key), prefix + key); };
-  RegionRequest region{
-      .name = name, .side = values.at("side").get<std::string>(), .box = std::nullopt};
+  RegionRequest region{.name = name,
+                       .side = values.at("side").get<std::string>(),
+                       .box = std::nullopt,
+                       .border_size = values.at("border_size").get<double>()};
   if (values.at("within").is_null() != region.side.empty()) {
     throw Error(ExitCode::bad_config,
                 {.where = "parameters",
@@ -44,6 +46,9 @@ std::vector<Param> region_params() {
            .fallback = "",
            .doc = "a side of the labels, or of the surface, as superior; with `within`"},
           quantity("within", nullptr, "mm", 1e-3, 1e6, "distance from that side"),
+          quantity("border_size", 1.0, "1", 0.02, 1.0,
+                   "size of cells where its border meets the body's surface, as a part of the cell "
+                   "size (route fields)"),
           {.name = "box_lo",
            .type = ParamType::list,
            .fallback = nullptr,

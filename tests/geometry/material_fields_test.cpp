@@ -40,6 +40,34 @@ TEST(MaterialFields, AimingHigherMakesAMaterialLarger) {
   EXPECT_GT(count(), before);
 }
 
+// A ball of radius 20, to be 2 % larger, moved four times as far in its upper half as in its lower.
+TEST(MaterialFields, ItsSurfaceMovesInProportionToItsShare) {
+  const LabelImage image = testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
+    return std::hypot(x, y, z) < 20.0 ? 1 : 0;
+  });
+  MaterialFields fields(image, 1.2);
+  const Frame& frame = image.frame;
+  const auto edge = [&](double way) {  // along z, from the middle of the ball
+    double inside = 10.0, outside = 28.0;
+    while (outside - inside > 1e-6) {
+      const double z = 0.5 * (inside + outside);
+      const Vec p{23.5 * frame.spacing[0], 23.5 * frame.spacing[1],
+                  23.5 * frame.spacing[2] + way * z};
+      (fields.at(p) == 1 ? inside : outside) = z;
+    }
+    return inside;
+  };
+  const double up = edge(1.0), down = edge(-1.0);
+  Field share(frame.voxels());
+  for (std::size_t v = 0; v < share.size(); ++v)
+    share[v] = v / (static_cast<std::size_t>(frame.size[0]) * frame.size[1]) < 24 ? 0.25f : 1.0f;
+  fields.aim({{0, 1.02}}, share);
+  const double moved_up = edge(1.0) - up, moved_down = edge(-1.0) - down;
+  EXPECT_NEAR(moved_up / moved_down, 4.0, 0.2);
+  // 2 % of 4/3 pi r^3 over the two halves of the surface.
+  EXPECT_NEAR(moved_up, 0.02 * 20.0 / 3.0 / 0.625, 0.02);
+}
+
 TEST(Seeds, EveryComponentOfEveryInterfaceGetsSome) {
   const LabelImage image = testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
     for (const double at : {-10.0, 0.0, 10.0})
@@ -76,6 +104,27 @@ TEST(SizeField, GrowsFromInterfacesNoFasterThanItsSlope) {
         ASSERT_LE(std::abs(field.at({x, y, k * s}) - field.at({x, y, (k - 1) * s})),
                   0.25 * s + 1e-5);
       }
+}
+
+// The border of what lies above z 10 of a ball of radius 20 is a circle of radius 17.3.
+TEST(SizeField, IsSmallWhereTheBorderOfARegionMeetsTheSurfaceAndNowhereElse) {
+  const LabelImage image = testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
+    return std::hypot(x, y, z) < 20.0 ? 1 : 0;
+  });
+  const Frame& frame = image.frame;
+  const double middle_z = frame.origin[2] + 23.5 * frame.spacing[2];
+  const SizeField field(
+      image, {.grading = 0.5, .corners = {{.planes = {{{0, 0, 1}, middle_z + 10.0}}, .size = 0.2}}},
+      5.0);
+  const auto at = [&](double x, double z) {
+    return field.at(
+        {23.5 * frame.spacing[0] + x, 23.5 * frame.spacing[1], 23.5 * frame.spacing[2] + z});
+  };
+  EXPECT_NEAR(at(17.3, 10.0), 1.0, 0.5);
+  EXPECT_NEAR(at(-17.3, 10.0), 1.0, 0.5);
+  EXPECT_NEAR(at(0.0, 10.0), 5.0, 0.1);   // in the plane, within the body
+  EXPECT_NEAR(at(0.0, -19.0), 5.0, 0.1);  // on the surface, far from the plane
+  EXPECT_EQ(field.largest(), 5.0);
 }
 
 }  // namespace

@@ -72,6 +72,36 @@ TEST_F(Tetmesh, ARegionEndsAtItsPlaneWhateverTheCellSize) {
   EXPECT_NEAR(offsets[1], offsets[2], 1e-6);
 }
 
+// Large facets far from the border cut the corners of the ball, and small ones at it do not: what
+// makes up for the volume must leave the support as thick as it is.
+TEST_F(Tetmesh, SmallCellsAtTheBorderOfARegionLeaveItsVolume) {
+  const auto input = write(testing::nested_balls(radius));
+  const std::string border = "support: {side: superior, within: 14 mm, border_size: ";
+  const auto support = [&](const std::string& size) {
+    const auto outcome =
+        run(input, {"cell_size=7mm", "grading=0.6", "regions={" + border + size + "}}"});
+    EXPECT_EQ(outcome.code, 0) << outcome.log;
+    return mesh();
+  };
+  const TetMesh fine = support("0.25");
+  const auto& inside = fine.regions.at("support");
+  double lowest = 1e9, shortest = 1e9, longest = 0.0;
+  for (std::size_t t = 0; t < inside.size(); ++t)
+    for (const int corner : fine.tets[t])
+      if (inside[t]) lowest = std::min(lowest, fine.points[corner][2]);
+  for (const auto& triangle : boundary_triangles(fine))
+    for (int k = 0; k < 3; ++k) {
+      const Vec &a = fine.points[triangle[k]], &b = fine.points[triangle[(k + 1) % 3]];
+      const double length = norm(sub(a, b));
+      const bool is_at_border = std::abs(a[2] - lowest) < 1e-6 && std::abs(b[2] - lowest) < 1e-6;
+      if (is_at_border) shortest = std::min(shortest, length);
+      if (a[2] < middle_z - 5.0) longest = std::max(longest, length);
+    }
+  EXPECT_LT(shortest, 0.4 * longest);
+  EXPECT_NEAR(volume_of(fine, inside) / cap(middle_z + radius - lowest), 1.0, 0.006);
+  EXPECT_GT(fine.tets.size(), support("1").tets.size());
+}
+
 TEST_F(Tetmesh, WhereABorderMeetsTheSurfaceItsPointsLieOnBoth) {
   ASSERT_EQ(run(write(testing::ball_surface(radius)),
                 {"cell_size=5mm", "regions={support: {side: left, within: 15 mm}}"})
@@ -170,6 +200,8 @@ TEST_F(Tetmesh, RegionsThatCannotBeAreRefusedByName) {
   refused("{support: {side: left, within: 3 s}}", "regions.support.within");
   refused("{support: {side: left}}", "regions.support.within");
   refused("{support: {within: 3 mm}}", "regions.support.side");
+  refused("{support: {side: left, within: 3 mm, border_size: 2}}", "regions.support.border_size");
+  refused("{support: {side: left, within: 3 mm, border_size: 0.5}}", "use route: fields");
   refused("{support: {side: left, within: 0 mm}}", "regions.support.within");
   refused("{support: {box_lo: [1 mm, 2 mm, 3 mm]}}", "regions.support.box_hi");
   refused("{support: {box_lo: [1 mm, 2 mm], box_hi: [2 mm, 3 mm]}}", "regions.support.box_lo");

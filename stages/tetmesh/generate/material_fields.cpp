@@ -35,22 +35,28 @@ MaterialFields::MaterialFields(const LabelImage& image, double sigma) : frame_(i
   values_.resize(width * frame_.voxels());
   for (std::size_t slot = 0; slot < width; ++slot) {
     const Field field = smooth(frame_, mask_of(image, slot == 0 ? 0 : ids_[slot - 1]), sigma);
+    if (slot == 0) {
+      body_ = field;
+      continue;
+    }
     for (std::size_t v = 0; v < field.size(); ++v) values_[v * width + slot] = field[v];
   }
   aim({});
 }
 
-void MaterialFields::aim(const std::map<int, double>& factors) {
+void MaterialFields::aim(const std::map<int, double>& factors, const Field& share) {
   const auto factor = [&factors](int id) {
     const auto found = factors.find(id);
     return found == factors.end() ? 1.0 : found->second;
   };
   std::vector<double> wanted = voxels_;
   for (std::size_t l = 0; l < wanted.size(); ++l) wanted[l] *= factor(ids_[l]);
-  Field body(frame_.voxels());
-  for (std::size_t v = 0; v < body.size(); ++v) body[v] = values_[v * width()];
-  const double voxels = std::accumulate(voxels_.begin(), voxels_.end(), 0.0);
-  level_ = matched_level(frame_, body, factor(0) * voxels * frame_.voxel_volume());
+  const double volume =
+      std::accumulate(voxels_.begin(), voxels_.end(), 0.0) * frame_.voxel_volume();
+  const double aimed = factor(0) * volume;
+  level_ = matched_level(frame_, body_, share.empty() ? aimed : volume);
+  const Field& body = share.empty() ? body_ : matched_field(frame_, body_, share, level_, aimed);
+  for (std::size_t v = 0; v < body.size(); ++v) values_[v * width()] = body[v];
   biases_.assign(ids_.size(), 0.0);
   if (ids_.size() > 1) match_labels(std::move(wanted));
 }

@@ -22,8 +22,9 @@ class MaterialFields {
   const std::vector<int>& ids() const { return ids_; }
   // Aims each label, and the body as a whole (id 0), at its voxel volume times a factor (1 where
   // none is given). Flat facets cut the corners of curved interfaces; a mesh that came out too
-  // small is met by aiming higher.
-  void aim(const std::map<int, double>& factors);
+  // small is met by aiming higher. `share`, by voxel, in (0, 1]: in what proportion the body's
+  // surface moves for that; empty: alike everywhere.
+  void aim(const std::map<int, double>& factors, const Field& share = {});
 
   double level() const { return level_; }
   const std::vector<double>& biases() const { return biases_; }  // in the order of ids()
@@ -58,7 +59,8 @@ class MaterialFields {
   Frame frame_;
   std::vector<int> ids_;
   std::vector<double> voxels_;  // of each label
-  std::vector<float> values_;   // [voxel][1 + labels]: the body, then the labels
+  Field body_;                  // the smoothed mask of all labels
+  std::vector<float> values_;   // [voxel][1 + labels]: the body as aimed, then the labels
   std::vector<double> biases_;
   double level_ = 0.5;
 };

@@ -70,6 +70,7 @@ SizeField::SizeField(const LabelImage& image, const SizeRule& rule, double cell_
     });
     sizes_[v] = static_cast<float>(at_interface ? rule.at_interfaces * size : size);
   }
+  for (const Corner& corner : rule.corners) refine_at(corner, image, cell_size);
   Limiter(frame_, rule.grading, sizes_).run();
   double sum = 0.0, voxels = 0.0;
   for (std::size_t v = 0; v < sizes_.size(); ++v) {
@@ -78,6 +79,41 @@ SizeField::SizeField(const LabelImage& image, const SizeRule& rule, double cell_
     voxels += 1.0;
   }
   if (voxels > 0.0) crowding_ = sum / voxels;
+}
+
+// At voxels on both sides of the body's surface that have a neighbour on the other side of the
+// region's border.
+void SizeField::refine_at(const Corner& corner, const LabelImage& image, double cell_size) {
+  const auto is_inside = [&](std::size_t v) {
+    const std::size_t nx = frame_.size[0], ny = frame_.size[1];
+    const auto& spacing = frame_.spacing;
+    const Vec p = frame_.to_lps({spacing[0] * static_cast<double>(v % nx),
+                                 spacing[1] * static_cast<double>(v / nx % ny),
+                                 spacing[2] * static_cast<double>(v / (nx * ny))});
+    return std::ranges::all_of(corner.planes,
+                               [&p](const Plane& plane) { return plane.above(p) > 0.0; });
+  };
+  for (std::size_t v = 0; v < sizes_.size(); ++v) {
+    bool is_at_surface = false;
+    for_each_neighbour(frame_, v, [&](std::size_t n) {
+      is_at_surface = is_at_surface || (image.voxels[v] == 0) != (image.voxels[n] == 0);
+    });
+    if (!is_at_surface) continue;
+    bool is_at_border = false;
+    for_each_neighbour(frame_, v, [&](std::size_t n) {
+      is_at_border = is_at_border || is_inside(v) != is_inside(n);
+    });
+    if (is_at_border) sizes_[v] = std::min(sizes_[v], static_cast<float>(corner.size * cell_size));
+  }
+}
+
+Field SizeField::cut_corners() const {
+  Field squares;
+  for (const float size : sizes_) {
+    const double part = std::min(1.0, size / largest_);
+    squares.push_back(static_cast<float>(part * part));
+  }
+  return squares;
 }
 
 double SizeField::at(const std::array<double, 3>& p) const {

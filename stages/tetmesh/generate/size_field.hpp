@@ -5,15 +5,24 @@
 #include <map>
 #include <vector>
 
-#include "stages/image/label_image.hpp"
+#include "stages/image/label_field.hpp"
+#include "stages/tetmesh/improve/project_planes.hpp"
 
 namespace viscera {
+
+// Where the border of a region meets the surface of the body: a support's corner, at which stresses
+// grow without bound and small cells pay most.
+struct Corner {
+  std::vector<Plane> planes;  // the region lies above all of them; LPS mm
+  double size = 1.0;          // as a part of the cell size
+};
 
 struct SizeRule {
   std::map<int, double> label_sizes{};  // mm, where they differ from the cell size
   double at_interfaces = 1.0;           // the size there, as a part of the smaller label's
   double grading = 0.3;                 // mm of size that a mm of way may add
-  bool uniform() const { return label_sizes.empty() && at_interfaces >= 1.0; }
+  std::vector<Corner> corners{};
+  bool uniform() const { return label_sizes.empty() && at_interfaces >= 1.0 && corners.empty(); }
 };
 
 class SizeField {
@@ -23,11 +32,16 @@ class SizeField {
   double at(const std::array<double, 3>& p) const;  // mm, of the nearest voxel
   double largest() const { return largest_; }       // mm, in any label
 
+  // By voxel, (size / largest)^2: by how much facets of that size cut the corners of a surface.
+  Field cut_corners() const;
+
   // The mean over all labelled voxels of (cell size / local size)^3: by so much the number of tets
   // exceeds that of a uniform mesh.
   double crowding() const { return crowding_; }
 
  private:
+  void refine_at(const Corner& corner, const LabelImage& image, double cell_size);
+
   Frame frame_;
   std::vector<float> sizes_;
   double largest_ = 0.0, crowding_ = 1.0;

@@ -217,10 +217,10 @@ class Improver {
     std::vector<int> larger;
     for (const auto& [volume, label] : by_size) larger.push_back(label);
     if (const auto whole = options_.volumes.find(0); whole != options_.volumes.end())
-      fit_volume(mesh_, 0, {}, whole->second, options_.poor);
+      fit_volume(mesh_, 0, {}, whole->second, options_.poor, options_.graded);
     for (const auto& [volume, label] : by_size) {
       larger.erase(larger.begin());
-      fit_volume(mesh_, label, larger, volume, options_.poor);
+      fit_volume(mesh_, label, larger, volume, options_.poor, options_.graded);
     }
   }
 

@@ -153,11 +153,12 @@ bool thin_out(Stars& mesh, int point, const Thinning& thinning, double floor);
 bool settle(Stars& mesh, int point, double floor);
 bool swap_edge(Stars& mesh, int a, int b, double floor);
 
-// Moves the surface of a label (0: the boundary of all) outwards, everywhere alike, as far as the
-// label lacks volume (mm3); no quality falls below `floor`, or below what it is. Of a label's
-// surface that part moves which it shares with the labels `beside`.
-void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double wanted,
-                double floor);
+// Moves the surface of a label (0: the boundary of all) outwards as far as the label lacks volume
+// (mm3), everywhere alike, or in a graded mesh by the square of the local size; no quality falls
+// below `floor`, or below what it is. Of a label's surface that part moves which it shares with the
+// labels `beside`.
+void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double wanted, double floor,
+                bool graded);
 
 // These take tets from a busy point, as long as the worst quality they touch stays above `floor`:
 // by removing one of its edges, or by a new point beside it that takes over part of its star.

@@ -59,12 +59,16 @@ std::vector<SurfaceFacet> surface_facets(const Stars& mesh, int point) {
   return facets;
 }
 
-// Facets cut the corners of a curved surface. The volume that this costs, spread evenly over the
-// surface, is far less than its distance from the facets.
-void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double wanted,
-                double floor) {
+// Facets cut the corners of a curved surface. The volume that this costs, spread over the surface
+// by the square of the local size where sizes differ, else evenly, is far less than its distance
+// from the facets.
+void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double wanted, double floor,
+                bool graded) {
   const auto& p = mesh.points();
-  double volume = 0.0, area = 0.0;
+  const auto share = [&mesh, graded](int point) {
+    return graded ? mesh.size(point) * mesh.size(point) : 1.0;
+  };
+  double volume = 0.0, area = 0.0;  // the area by its shares
   for (std::size_t t = 0; t < mesh.tets().size(); ++t) {
     const int tet = static_cast<int>(t);
     if (!mesh.alive(tet) || (label != 0 && material_of(mesh.label(tet)) != label)) continue;
@@ -87,7 +91,7 @@ void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double w
       if (fits(facet.labels[0], facet.labels[1]))
         around += norm(cross(sub(p[facet.ends[0]], p[i]), sub(p[facet.ends[1]], p[i]))) / 6.0;
     if (around > 0.0) moving.push_back(point);
-    area += around;  // a third of each facet
+    area += share(point) * around;  // a third of each facet
   }
   if (moving.empty()) return;
   const double outward = (wanted - volume) / area;
@@ -101,8 +105,8 @@ void fit_volume(Stars& mesh, int label, const std::vector<int>& beside, double w
     if (contact->normals.size() >= materials.size()) continue;  // it lies on a plane too
     // Normals point to the lower one of two labels.
     const double most = max_offset * mesh.size(point);
-    const double way =
-        std::clamp(label == 0 || label == materials.back() ? outward : -outward, -most, most);
+    const double sign = label == 0 || label == materials.back() ? 1.0 : -1.0;
+    const double way = std::clamp(sign * share(point) * outward, -most, most);
     const Vec place = add(p[point], scale(way, contact->normals[0]));
     trial.objector = 0;
     if (mesh.try_at(point, place, std::min(mesh.worst(mesh.star(point)), floor), trial))

@@ -144,10 +144,6 @@ void MeshJob::take_sizes(const MeshRequest& request) {
     }
     sizes_.label_sizes[label->first] = size;
   }
-  if (!by_fields_ && !sizes_.uniform()) {
-    throw bad_route("surface, with sizes or interface_size",
-                    "add --in labels=FILE and use route: fields, or leave the sizes out");
-  }
 }
 
 void MeshJob::take_regions(const MeshRequest& request) {
@@ -159,6 +155,12 @@ void MeshJob::take_regions(const MeshRequest& request) {
   }
   regions_ = make_regions(request.regions, extent_);
   planes_ = planes_of(regions_);
+  for (const Region& region : regions_)
+    if (region.border_size < 1.0) sizes_.corners.push_back({region.planes, region.border_size});
+  if (!by_fields_ && !sizes_.uniform()) {
+    throw bad_route("surface, with sizes, interface_size or border_size",
+                    "add --in labels=FILE and use route: fields, or leave the sizes out");
+  }
 }
 
 void MeshJob::take_surface(const MeshRequest& request) {
@@ -205,6 +207,11 @@ std::vector<Inside> MeshJob::lattice(const Sizing& sizing) const {
   return sites;
 }
 
+std::shared_ptr<const SizeField> MeshJob::size_field(double cell_size) const {
+  if (!by_fields_ || sizes_.uniform()) return nullptr;
+  return std::make_shared<const SizeField>(*image_, sizes_, cell_size);
+}
+
 TetMesh MeshJob::refine(double cell_size, const Mesh3Options& options) const {
   Sizing sizing = factors_;
   sizing.cell_size = cell_size;
@@ -216,8 +223,7 @@ TetMesh MeshJob::refine(double cell_size, const Mesh3Options& options) const {
     return surface_->mesh(names_.begin()->first, interior, sizing, options);
   }
   double largest = 1.0;
-  if (!sizes_.uniform()) {
-    const auto field = std::make_shared<const SizeField>(*image_, sizes_, cell_size);
+  if (const auto field = size_field(cell_size)) {
     sizing.scale = [field, cell_size](const Vec& p) { return field->at(p) / cell_size; };
     largest = field->largest() / cell_size;
   }
@@ -280,8 +286,8 @@ LabelLoss MeshJob::loss(const TetMesh& mesh, double cell_size) const {
 
 double MeshJob::expected_tets(double cell_size) const {
   const double uniform = estimate_tets(body_volume_, cell_size, lattice_ * cell_size);
-  if (!by_fields_ || sizes_.uniform()) return uniform;
-  return uniform * SizeField(*image_, sizes_, cell_size).crowding();
+  const auto sizes = size_field(cell_size);
+  return sizes ? uniform * sizes->crowding() : uniform;
 }
 
 void MeshJob::check_cell_size(double cell_size) const {
@@ -323,7 +329,8 @@ std::size_t MeshJob::calibrate(double cell_size) {
   };
   correct(body_label, body_volume_);
   for (const auto& [id, wanted] : label_volumes_) correct(id, wanted);
-  fields_->aim(aims_);
+  const auto sizes = size_field(cell_size);
+  fields_->aim(aims_, sizes ? sizes->cut_corners() : Field());
   return trial.tets.size();
 }
 

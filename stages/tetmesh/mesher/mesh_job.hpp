@@ -3,6 +3,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -104,6 +105,8 @@ class MeshJob {
 
   Result build(double cell_size, const Mesh3Options& mesh3, const ImproveOptions& options) const;
   std::optional<Thinning> thinning(double cell_size) const;
+  // None where all cells are to have one size.
+  std::shared_ptr<const SizeField> size_field(double cell_size) const;
   std::vector<Inside> lattice(const Sizing& sizing) const;
   TetMesh refine(double cell_size, const Mesh3Options& options) const;
   void assign_labels(TetMesh& mesh) const;

@@ -202,7 +202,7 @@ Region make_region(const RegionRequest& request, const Box& body) {
   static const std::map<std::string, Side> sides = {
       {"left", {0, 1.0}},      {"right", {0, -1.0}},   {"posterior", {1, 1.0}},
       {"anterior", {1, -1.0}}, {"superior", {2, 1.0}}, {"inferior", {2, -1.0}}};
-  Region region{request.name, {}};
+  Region region{request.name, {}, request.border_size};
   // What is beyond a coordinate, seen along an axis one way or the other.
   const auto add = [&region](std::size_t axis, double sign, double coordinate) {
     Plane plane{.normal = {}, .offset = sign * coordinate};

@@ -22,12 +22,15 @@ struct RegionRequest {
   std::string side;     // left, right, anterior, posterior, superior or inferior; empty: any
   double within = 0.0;  // mm, of the side
   std::optional<Box> box;
+  double border_size =
+      1.0;  // where its border meets the body's surface, as a part of the cell size
 };
 
 // What lies above all of its planes.
 struct Region {
   std::string name;
   std::vector<Plane> planes;
+  double border_size = 1.0;  // as above
 };
 
 // `body` is the box around the body, whose sides are meant. Throws Error(bad_config) where nothing
