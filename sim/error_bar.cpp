@@ -7,6 +7,7 @@
 #include "sim/base/refusal.hpp"
 #include "sim/equilibrium.hpp"
 #include "sim/solvers/solver.hpp"
+#include "sim/wanted_sizes.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -111,7 +112,10 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     // a first step has turned tets over.
     const State smoothed = find(Element::smoothed, own == Element::smoothed ? still : linear);
     all.linear = linear.u;
-    all.quadratic = find(Element::quadratic, smoothed).u;
+    const State quadratic = find(Element::quadratic, smoothed);
+    all.quadratic = quadratic.u;
+    bar.sizes = wanted_sizes(
+        model, with_element(Element::quadratic, model.largest_poisson_ratio(), scene), quadratic);
     all.smoothed = smoothed.u;
     if (const auto other = other_supports(model, scene)) {
       // What is led now and was not before would have to jump: that begins from the body at rest.

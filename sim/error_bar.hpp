@@ -51,6 +51,7 @@ struct ErrorBar {
   double size = 0.0;               // m, root mean square of u_2: what a share is of
   double largest = 0.0;            // m, of u - u_2 at a vertex
   std::vector<ErrorParts> probes;  // of the displacement of each
+  std::vector<double> sizes;       // [m] of cells that share the error alike (wanted_sizes.hpp)
 };
 
 // Of a body that rests in `end` under the elements `order` (1: the scene's, linear or smoothed; 2:

@@ -24,6 +24,9 @@ struct ForeignMesh {
 // that other programs give them (gmsh:physical, medit:ref, ...) or be missing.
 ForeignMesh read_foreign_vtu(const std::filesystem::path& path);
 
+// Of a file of cell sizes, their array in tets: parts of the size that cells have in general.
+inline constexpr const char* relative_size = "relative_size";
+
 // Values at points or in tets, as an array of a .vtu file.
 struct FieldArray {
   std::string name;                     // with its unit

@@ -10,6 +10,7 @@
 
 #include "pipeline/base/log.hpp"
 #include "sim/error_bar.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/gates.hpp"
 #include "stages/simulate/inverted.hpp"
@@ -278,9 +279,10 @@ void report_gaps(StageRun& run, const std::vector<sim::GapProbe>& gaps, const Ou
   run.metric("gap_least", least, "mm");
 }
 
-void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& file,
-                      const std::vector<sim::Probe>& probes, const std::vector<sim::GapProbe>& gaps,
-                      const Outcome& outcome, const sim::SolverOptions& options) {
+void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& model,
+                      const SceneFile& file, const std::vector<sim::Probe>& probes,
+                      const std::vector<sim::GapProbe>& gaps, const Outcome& outcome,
+                      const sim::SolverOptions& options) {
   // The centroid of every label, and then what the run was to follow: of a gap the vertex that is
   // nearest, than which the gap is off by no more.
   std::vector<sim::Probe> asked;
@@ -311,12 +313,12 @@ void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& f
     log::warn("how far the body is off is not known: {}", bar.unknown);
     return;
   }
-  const auto [solver, element, mesh, support, total] = bar.displacement;
+  const auto [solver, element, mesh_part, support, total] = bar.displacement;
   run.metric("error_total", m_to_mm * total, "mm");
   run.metric("error_total_share", total / bar.size);
   run.metric("error_solver", m_to_mm * solver, "mm");
   run.metric("error_element", m_to_mm * element, "mm");
-  run.metric("error_mesh", m_to_mm * mesh, "mm");
+  run.metric("error_mesh", m_to_mm * mesh_part, "mm");
   run.metric("error_support", m_to_mm * support, "mm");
   run.metric("error_largest", m_to_mm * bar.largest, "mm");
   Json centroids = Json::object(), followed = Json::object();
@@ -330,7 +332,9 @@ void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& f
       "at rest the body is off by {:.3g} mm rms or less ({:.2g} % of its displacement): solver "
       "{:.2g}, element {:.2g}, mesh {:.2g}, support {:.2g} mm; {:.1f} s",
       m_to_mm * total, 100.0 * total / bar.size, m_to_mm * solver, m_to_mm * element,
-      m_to_mm * mesh, m_to_mm * support, wall.count());
+      m_to_mm * mesh_part, m_to_mm * support, wall.count());
+  write_vtu(run.out("size_field.vtu"), mesh, {},
+            {{relative_size, {""}, {bar.sizes.begin(), bar.sizes.end()}}});
 }
 
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome) {

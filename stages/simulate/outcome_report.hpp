@@ -2,6 +2,7 @@
 #pragma once
 
 #include "sim/solvers/options.hpp"
+#include "stages/mesh/tet_mesh.hpp"
 #include "stages/program/stage_main.hpp"
 #include "stages/simulate/frame_loop.hpp"
 
@@ -28,9 +29,10 @@ void report_gaps(StageRun& run, const std::vector<sim::GapProbe>& gaps, const Ou
 // How far the body at rest is off (sim/error_bar.hpp), the centroids of its labels, the probes and
 // the gaps, of a run that was solved with `options`; where that is unknown, why. Takes seconds to
 // minutes.
-void report_error_bar(StageRun& run, const sim::Model& model, const SceneFile& file,
-                      const std::vector<sim::Probe>& probes, const std::vector<sim::GapProbe>& gaps,
-                      const Outcome& outcome, const sim::SolverOptions& options);
+void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& model,
+                      const SceneFile& file, const std::vector<sim::Probe>& probes,
+                      const std::vector<sim::GapProbe>& gaps, const Outcome& outcome,
+                      const sim::SolverOptions& options);
 
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome);
 

@@ -326,7 +326,7 @@ void simulate(StageRun& run) {
                  element == sim::Element::quadratic ? 2 : 1);
   }
   if (run.param<bool>("certify"))
-    report_error_bar(run, model, file, probes, gaps, outcome, options);
+    report_error_bar(run, mesh, model, file, probes, gaps, outcome, options);
   if (!outcome.divergence.empty()) {
     report_divergence(run, model, outcome);
   } else {
@@ -346,6 +346,9 @@ std::vector<OutputFile> outputs() {
       {.file = "stress.vtu",
        .role = "stress",
        .doc = "stress and strain at the end, where `stress` asks for them"},
+      {.file = "size_field.vtu",
+       .role = "size_field",
+       .doc = "with `certify`, the cell sizes at which all tets have the same part in the error"},
       {.file = "scene.json", .doc = "the scene as it ran, SI, defaults spelled out"}};
   for (const SceneFormat& format : scene_formats())
     files.push_back({.file = format.file, .doc = format.doc});
@@ -405,7 +408,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "16",
+           .version = "17",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

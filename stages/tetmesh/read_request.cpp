@@ -1,7 +1,12 @@
 #include "stages/tetmesh/read_request.hpp"
 
+#include <fmt/format.h>
+
+#include <cmath>
+
 #include "stages/image/image_io.hpp"
 #include "stages/mesh/surface_io.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/program/param_values.hpp"
 
 namespace viscera {
@@ -33,6 +38,24 @@ RegionRequest read_region(const std::string& name, const Json& given) {
   if (!values.at("box_lo").is_null() || !values.at("box_hi").is_null())
     region.box = Box{corner("box_lo"), corner("box_hi")};
   return region;
+}
+
+MeshRequest::SizedMesh read_size_field(const std::filesystem::path& file) {
+  TetMesh mesh = read_vtu(file);
+  const auto found = mesh.cell_data.find(relative_size);
+  const auto refuse = [&file](std::string what) {
+    return Error(ExitCode::bad_input,
+                 {.where = file.string(),
+                  .field = fmt::format("CellData/{}", relative_size),
+                  .found = std::move(what),
+                  .allowed = "for each tet a part of the cell size, more than 0",
+                  .remedy = "give the size_field.vtu that viscera-simulate writes with certify"});
+  };
+  if (found == mesh.cell_data.end()) throw refuse("no such array");
+  std::vector<float> sizes = found->second;
+  for (const float size : sizes)
+    if (!(size > 0.0f && std::isfinite(size))) throw refuse(fmt::format("{:g}", size));
+  return {std::move(mesh), std::move(sizes), file.string()};
 }
 
 }  // namespace
@@ -101,6 +124,7 @@ MeshRequest read_request(const StageRun& run) {
   MeshRequest request = request_of(run);
   // Before any file is read.
   const bool by_fields = request.by_fields(run.has_input("labels"), run.has_input("surface"));
+  if (run.has_input("size_field")) request.size_field = read_size_field(run.input("size_field"));
   if (run.has_input("labels")) {
     request.labels = read_image(run.input("labels")).image;
     request.labels_file = run.input("labels").string();

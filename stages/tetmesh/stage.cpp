@@ -307,6 +307,13 @@ Made make_mesh(StageRun& run, MeshRequest request) {
 // A mesh made elsewhere. No surface holds its boundary, so that the improver leaves it alone, and
 // with it the borders of regions.
 Made take_mesh(StageRun& run) {
+  if (run.has_input("size_field")) {
+    throw Error(ExitCode::bad_config, {.where = run.input("size_field").string(),
+                                       .field = "size_field",
+                                       .found = "given beside a mesh, which is taken as it is",
+                                       .allowed = "size_field beside labels",
+                                       .remedy = "leave one of the two out"});
+  }
   Imported imported = import_mesh(run.input("mesh"));
   Made made{.mesh = std::move(imported.mesh), .how = {{"route", "import"}}};
   const Json repairs = repairs_json(imported.repairs);
@@ -389,7 +396,11 @@ Stage tetmesh_stage() {
                   .doc = "surface.vtp, one closed body; the mesh's distance from it is measured"},
                  {.role = "mesh",
                   .required = false,
-                  .doc = "a mesh made elsewhere, .vtu or .msh: checked, repaired or refused"}},
+                  .doc = "a mesh made elsewhere, .vtu or .msh: checked, repaired or refused"},
+                 {.role = "size_field",
+                  .required = false,
+                  .doc = "size_field.vtu of viscera-simulate: cells are smaller where they have a "
+                         "larger part in the error (route fields)"}},
       .outputs = outputs(),
       .params = params(),
       .gates = mesh_gates::all(),

@@ -189,6 +189,11 @@ const std::vector<BadCases> bad = {
     {"OutOfRange", "sweep:\n  beta.size: [3mm, 30mm]\n", {"bad.yaml:9:20", "1 to 10 mm"}},
     {"NoList", "sweep:\n  beta.size: {a: 3mm}\n", {"bad.yaml:9:14", "not a list of values"}},
     {"EqualNames", "sweep:\n  words: [a/b, ab]\n", {"bad.yaml:9:", "two cases", "'words=ab'"}},
+    {"NoRounds", "rounds: 0\n", {"bad.yaml:8:9", "rounds", "1 to 20"}},
+    {"RoundsInWords", "rounds: two\n", {"bad.yaml:8:9", "rounds", "'two'"}},
+    {"RoundsWithoutAnythingToPassOn",
+     "rounds: 2\n",
+     {"bad.yaml", "rounds", "no stage reads the role 'size_field'"}},
     {"TooMany",
      "sweep:\n  words: [0,1,2,3,4,5,6,7,8,9]\n  alpha.text: [0,1,2,3,4,5,6,7,8,9]\n"
      "  beta.text: [0,1,2,3,4,5,6,7,8,9]\n  echo.text: [0,1,2,3,4,5,6,7,8,9]\n"

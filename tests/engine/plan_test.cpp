@@ -5,6 +5,7 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/digest.hpp"
 #include "pipeline/engine/plan/case_report.hpp"
+#include "pipeline/engine/plan/feed.hpp"
 #include "pipeline/engine/run/inspect.hpp"
 #include "pipeline/engine/run/run_folders.hpp"
 
@@ -46,6 +47,48 @@ TEST(Plan, AGatheringStageReadsOfEveryCaseAlsoWhatTheFirstStageMakes) {
   const Plan plan = make_plan(spec, catalog);
   ASSERT_EQ(plan.size(), 3u);
   EXPECT_EQ(awaited_by(plan, 2), (std::vector<std::size_t>{0, 1}));
+}
+
+// The tets of a round are made for the error that the round before has found.
+TEST(Plan, ARoundReadsWhatALaterStageOfTheRoundBeforeMade) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  const auto install = [&](const StageInfo& info) {
+    const fs::path program = folder.path() / ("viscera-" + info.name);
+    write_atomically(program, "#!/bin/sh\ncat <<'end'\n" + to_json(info).dump() + "\nend\n");
+    fs::permissions(program, fs::perms::owner_all);
+  };
+  install({.name = "alpha",
+           .inputs = {{.role = earlier_role, .required = false}},
+           .outputs = {{.file = "a.txt", .role = "mesh"}}});
+  install({.name = "beta",
+           .inputs = {{.role = "mesh"}},
+           .outputs = {{.file = "b.txt", .role = earlier_role}}});
+  write_atomically(folder.path() / "a.yaml",
+                   "viscera: 1\nstages:\n  alpha: {}\n  beta: {}\ncases:\n  x: {}\n  y: {}\n"
+                   "rounds: 2\n");
+  const Spec spec = load_spec({.path = folder.path() / "a.yaml"});
+  Store store(folder.path() / "cache", false);
+  Catalog catalog(folder.path(), store);
+  const Plan plan = make_plan(spec, catalog);
+  std::vector<std::string> labels;
+  for (const PlannedStage& stage : plan) labels.push_back(stage.label());
+  EXPECT_EQ(labels, (std::vector<std::string>{
+                        "x,round=1/alpha", "x,round=1/beta", "x,round=2/alpha", "x,round=2/beta",
+                        "y,round=1/alpha", "y,round=1/beta", "y,round=2/alpha", "y,round=2/beta"}));
+  using Indices = std::vector<std::size_t>;
+  EXPECT_EQ(awaited_by(plan, 0), Indices{});
+  EXPECT_EQ(awaited_by(plan, 2), Indices{1});
+  EXPECT_EQ(awaited_by(plan, 3), Indices{2});
+  EXPECT_EQ(awaited_by(plan, 4), Indices{}) << "another case's";
+  EXPECT_EQ(awaited_by(plan, 6), Indices{5});
+  // What beta has ended without, though it ended well, is said; after a failure alpha just waits.
+  Entries entries(plan.size());
+  entries[0] = ended(ExitCode::ok, ""), entries[1] = ended(ExitCode::ok, "");
+  EXPECT_TRUE(lacks_input(plan[2], entries));
+  EXPECT_EQ(left_unmade(plan, 2, entries), "x,round=1/beta wrote no b.txt");
+  entries[1] = ended(ExitCode::gate_failed, "");
+  EXPECT_TRUE(lacks_input(plan[2], entries));
+  EXPECT_EQ(left_unmade(plan, 2, entries), "");
 }
 
 // A stage that gathers what `cases` others make, and is the last of the plan.

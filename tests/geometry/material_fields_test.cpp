@@ -114,7 +114,10 @@ TEST(SizeField, IsSmallWhereTheBorderOfARegionMeetsTheSurfaceAndNowhereElse) {
   const Frame& frame = image.frame;
   const double middle_z = frame.origin[2] + 23.5 * frame.spacing[2];
   const SizeField field(
-      image, {.grading = 0.5, .corners = {{.planes = {{{0, 0, 1}, middle_z + 10.0}}, .size = 0.2}}},
+      image,
+      {.grading = 0.5,
+       .corners = {{.is_inside = [&](const Vec& p) { return p[2] > middle_z + 10.0; },
+                    .size = 0.2}}},
       5.0);
   const auto at = [&](double x, double z) {
     return field.at(

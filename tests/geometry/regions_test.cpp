@@ -102,6 +102,62 @@ TEST_F(Tetmesh, SmallCellsAtTheBorderOfARegionLeaveItsVolume) {
   EXPECT_GT(fine.tets.size(), support("1").tets.size());
 }
 
+// A mesh of the ball whose upper half asks for cells of .4 of the size of those below.
+class SizedMesh : public Tetmesh {
+ protected:
+  std::string sized(TetMesh mesh, float above, const char* array = relative_size) {
+    auto& sizes = mesh.cell_data[array];
+    for (const auto& tet : mesh.tets) sizes.push_back(is_above(mesh, tet) ? above : 1.0f);
+    write_vtu(folder_.path() / "size_field.vtu", mesh);
+    return "size_field=" + (folder_.path() / "size_field.vtu").string();
+  }
+  static bool is_above(const TetMesh& mesh, const std::array<int, 4>& tet) {
+    double z = 0.0;
+    for (const int corner : tet) z += 0.25 * mesh.points[corner][2];
+    return z > middle_z;
+  }
+  TetMesh mesh_of(const std::string& labels) {
+    EXPECT_EQ(run(labels, {"cell_size=7mm"}).code, 0);
+    TetMesh mesh = this->mesh();
+    mesh.cell_data.clear();
+    return mesh;
+  }
+};
+
+TEST_F(SizedMesh, CellsAreSmallWhereAnEarlierRunAskedForIt) {
+  const auto labels = write(testing::nested_balls(radius));
+  const TetMesh before = mesh_of(labels);
+  const auto above = [](const TetMesh& mesh) {
+    return std::ranges::count_if(mesh.tets, [&](const auto& tet) { return is_above(mesh, tet); });
+  };
+  const auto outcome = run(labels, {"cell_size=7mm", "grading=1"}, {"--in", sized(before, 0.4f)});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  const TetMesh after = mesh();
+  EXPECT_GT(above(after), 5 * above(before));
+  const auto below = std::ssize(after.tets) - above(after);
+  EXPECT_LT(below, 3 * (std::ssize(before.tets) - above(before)));
+}
+
+TEST_F(SizedMesh, WhatIsNoneOfThisBodyIsRefused) {
+  const auto labels = write(testing::nested_balls(radius));
+  const TetMesh before = mesh_of(labels);
+  const auto refused = [&](int code, const std::string& given, const std::string& part,
+                           const std::string& first) {
+    const auto outcome = run(first, {"cell_size=7mm"}, {"--in", given});
+    EXPECT_EQ(outcome.code, code) << part;
+    EXPECT_NE(outcome.log.find(part), std::string::npos) << outcome.log;
+  };
+  TetMesh elsewhere = before;
+  for (auto& point : elsewhere.points) point[0] += 20.0;
+  refused(4, sized(elsewhere, 0.4f), "of the labels", labels);
+  refused(4, sized(before, 0.0f), "CellData/relative_size", labels);
+  refused(4, sized(before, 0.4f, "sizes"), "no such array", labels);
+  refused(3, sized(before, 0.4f), "use route: fields", write(testing::ball_surface(radius)));
+  write_vtu(folder_.path() / "given.vtu", before);
+  refused(3, sized(before, 0.4f), "taken as it is",
+          "mesh=" + (folder_.path() / "given.vtu").string());
+}
+
 TEST_F(Tetmesh, WhereABorderMeetsTheSurfaceItsPointsLieOnBoth) {
   ASSERT_EQ(run(write(testing::ball_surface(radius)),
                 {"cell_size=5mm", "regions={support: {side: left, within: 15 mm}}"})

@@ -22,9 +22,11 @@ class Tetmesh : public ::testing::Test {
     write_vtp(folder_.path() / "surface.vtp", surface);
     return "surface=" + (folder_.path() / "surface.vtp").string();
   }
-  testing::Outcome run(const std::string& input, const std::vector<std::string>& settings = {}) {
+  testing::Outcome run(const std::string& input, const std::vector<std::string>& settings = {},
+                       const std::vector<std::string>& more = {}) {
     std::vector<std::string> arguments{"--in", input, "--out", out().string()};
     for (const auto& setting : settings) arguments.insert(arguments.end(), {"--set", setting});
+    arguments.insert(arguments.end(), more.begin(), more.end());
     return testing::run_stage(tetmesh_stage(), arguments);
   }
   std::filesystem::path out() const { return folder_.path() / "out"; }

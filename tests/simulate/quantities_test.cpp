@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "stages/mesh/tet_io.hpp"
 #include "tests/simulate/simulate_run.hpp"
 
 namespace viscera {
@@ -24,6 +25,9 @@ TEST_F(Simulate, ACertifiedRunSaysHowFarTheBodyIsOffOrWhyThatIsNotKnown) {
   EXPECT_GT(metric("error_centroids").at("liver").get<double>(), 0.0);
   ASSERT_EQ(run(held, {"--set", "certify=true"}), 0) << errors;
   EXPECT_LT(metric("error_total").get<double>(), total) << "smoothed elements";
+  const TetMesh sized = read_vtu(path("out") / "size_field.vtu");
+  ASSERT_EQ(sized.cell_data.count(relative_size), 1u);
+  EXPECT_EQ(sized.cell_data.at(relative_size).size(), sized.tets.size());
   EXPECT_EQ(run(held, {"--set", "certify=true", "--set", "end=0.05s"}), 0) << errors;
   EXPECT_EQ(metric("error_bar_unknown"), "the body is not at rest");
   EXPECT_EQ(metric("error_total"), "absent");

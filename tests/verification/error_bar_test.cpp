@@ -52,6 +52,32 @@ TEST(ErrorBar, OfABentBarIsNoLessThanTheTrueErrorAndAtMostThreeTimesAsMuch) {
   }
 }
 
+// A bar that is held at one end and bent: stresses grow without bound along the edges of that end,
+// and its other end has none. The sizes ask for about as many tets as there are.
+TEST(WantedSizes, AreSmallAtTheEdgesOfASupportAndLargeWhereThereIsNoStress) {
+  const Model model = make_five_tet_box({0.08, 0.02, 0.02}, {32, 8, 8}, bar_material);
+  const Scene scene = held_scene(true);
+  const ErrorBar bar = error_bar(model, scene, equilibrium(model, scene, 1), 1, [] {});
+  ASSERT_EQ(bar.sizes.size(), model.tet_count());
+  double at_support = 0.0, at_edges = 0.0, at_end = 1e9, cells = 0.0;
+  int near_support = 0, near_edges = 0;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    Vec3<double> middle;
+    for (const int v : model.tets[t]) middle += 0.25 * model.rest[v];
+    const double from_support = middle.x + 0.04;  // the right is the lower x
+    const double from_side = 0.01 - std::max(std::abs(middle.y), std::abs(middle.z));
+    if (from_support < 0.0025) {
+      (from_side < 0.0025 ? at_edges : at_support) += bar.sizes[t];
+      ++(from_side < 0.0025 ? near_edges : near_support);
+    }
+    if (from_support > 0.07) at_end = std::min(at_end, bar.sizes[t]);
+    cells += std::pow(bar.sizes[t], -3.0) / static_cast<double>(model.tet_count());
+  }
+  EXPECT_LT(at_edges / near_edges, 0.8 * at_support / near_support);
+  EXPECT_LT(at_edges / near_edges, 0.5 * at_end);
+  EXPECT_NEAR(cells, 1.0, 0.3);
+}
+
 // Held to where no vertices are, of cells of 10 mm: what that costs is known from cells of 2.5 mm.
 // As elements are too stiff and the support too short, the whole error may be less than either.
 TEST(ErrorBar, HasAPartForASupportThatEndsBetweenVertices) {

@@ -13,12 +13,31 @@ bool produced(const PlannedInput& input, const std::optional<Entry>& producer) {
          });
 }
 
+namespace {
+
+bool is_lacking(const PlannedInput& input, const Entries& entries) {
+  if (input.producers.empty() || !input.role.required) return false;
+  return std::ranges::none_of(
+      input.producers, [&](std::size_t producer) { return produced(input, entries[producer]); });
+}
+
+}  // namespace
+
 bool lacks_input(const PlannedStage& stage, const Entries& entries) {
-  return std::ranges::any_of(stage.inputs, [&entries](const PlannedInput& input) {
-    if (input.producers.empty() || !input.role.required) return false;
-    return std::ranges::none_of(
-        input.producers, [&](std::size_t producer) { return produced(input, entries[producer]); });
-  });
+  return std::ranges::any_of(
+      stage.inputs, [&entries](const PlannedInput& input) { return is_lacking(input, entries); });
+}
+
+std::string left_unmade(const Plan& plan, std::size_t i, const Entries& entries) {
+  for (const PlannedInput& input : plan[i].inputs) {
+    const bool ended_well = std::ranges::all_of(input.producers, [&](std::size_t producer) {
+      return entries[producer] && entries[producer]->manifest.exit == ExitCode::ok;
+    });
+    if (!ended_well || !is_lacking(input, entries)) continue;
+    return fmt::format("{} wrote no {}", plan[input.producers.front()].label(),
+                       input.produced_file);
+  }
+  return "";
 }
 
 void name_cases(Plan& plan, std::size_t i, const Entries& entries) {

@@ -21,6 +21,10 @@ bool produced(const PlannedInput& input, const std::optional<Entry>& producer);
 // A required input whose producers made nothing.
 bool lacks_input(const PlannedStage& stage, const Entries& entries);
 
+// Of such an input whose producers all ended well: which did not write which file, in words. Empty:
+// none.
+std::string left_unmade(const Plan& plan, std::size_t i, const Entries& entries);
+
 // A gathering stage with a list `cases` learns there whose files it is given, in their order.
 void name_cases(Plan& plan, std::size_t i, const Entries& entries);
 

@@ -90,6 +90,7 @@ void check_given_roles(const Candidate& stage, const std::vector<Candidate>& sta
                 known.empty() ? "remove it" : suggest(given.role, known));
     }
     const auto writer = writers.find(given.role);
+    if (given.role == earlier_role) continue;
     if (writer == writers.end() || stages[writer->second.candidate].spec == stage.spec) continue;
     throw bad(given.where, field,
               fmt::format("stage '{}' already writes this role",
@@ -128,11 +129,13 @@ std::vector<Connection> connect(const std::vector<Candidate>& stages, std::size_
     const auto gathered = made.find(role.role);
     if (gathers && role.role == runs_role) {
       input.from_engine = true;
-    } else if (writer != writers.end() && writer->second.candidate != self) {
+    } else if (role.role != earlier_role && writer != writers.end() &&
+               writer->second.candidate != self) {
       one.in_list = true;
       input.producers = {writer->second.candidate};
       input.produced_file = writer->second.file;
     } else if (input.files.empty() && gathered != made.end()) {
+      if (!gathers) input.role.required = true;  // what the round before is for
       input.producers = gathered->second.producers;
       input.produced_file = gathered->second.file;
     } else if (input.files.empty()) {
@@ -239,6 +242,25 @@ MadeByRole made_by(const Plan& plan) {
   return made;
 }
 
+// What a round takes from the one before it.
+MadeByRole made_before(const Plan& plan, const SpecCase& round, const std::string& where) {
+  if (round.follows.empty()) return {};
+  MadeByRole made;
+  bool is_read = false;
+  for (std::size_t i = 0; i < plan.size(); ++i) {
+    if (plan[i].case_name != round.follows) continue;
+    const auto& inputs = plan[i].program.info.inputs;
+    const auto& outputs = plan[i].program.info.outputs;
+    is_read = is_read || std::ranges::count(inputs, earlier_role, &InputRole::role) > 0;
+    const auto output = std::ranges::find(outputs, earlier_role, &OutputFile::role);
+    if (output != outputs.end()) made[earlier_role] = {{i}, output->file};
+  }
+  if (is_read && !made.empty()) return made;
+  throw bad(where, "rounds",
+            fmt::format("no stage {} the role '{}'", is_read ? "writes" : "reads", earlier_role),
+            "use rounds with tetmesh and simulate, or leave it out");
+}
+
 }  // namespace
 
 std::vector<bool> called(const Plan& plan, const std::string& stage, const std::string& option) {
@@ -293,7 +315,7 @@ Plan make_plan(const Spec& spec, Catalog& catalog, std::vector<RefusedCase>* ref
   for (const auto& one : spec.cases) {
     const auto stages = candidates(one.stages);
     try {
-      add_to_plan(plan, stages, {}, one.name, false);
+      add_to_plan(plan, stages, made_before(plan, one, spec.path.string()), one.name, false);
     } catch (const Error& e) {
       if (!refused || one.name.empty()) throw;
       refused->push_back({one.name, one.settings, e.code(), e.what()});

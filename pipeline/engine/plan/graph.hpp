@@ -29,6 +29,10 @@ struct PlannedInput {
 inline constexpr const char* runs_role = "runs";
 inline constexpr const char* engine_file = "runs.json";
 
+// A stage that declares this role reads what a later stage of its case has made in the round before
+// (SpecCase::follows), and must; without rounds nothing feeds it but files.
+inline constexpr const char* earlier_role = "size_field";
+
 struct PlannedStage {
   StageProgramFile program;
   Json params;                       // resolved; maps with sorted keys

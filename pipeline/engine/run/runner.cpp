@@ -119,7 +119,15 @@ class Runner {
   void begin(std::size_t i) {
     if (!wanted_[i]) return pass_over(i);
     if (failure_ && !options_.spec.keep_going) return settle(i);
-    if (lacks_input(plan_[i], entries_)) return skip(i);
+    if (lacks_input(plan_[i], entries_)) {
+      const std::string unmade = left_unmade(plan_, i, entries_);
+      if (unmade.empty()) return skip(i);
+      return fail(i, Error(ExitCode::bad_config, {.where = plan_[i].label(),
+                                                  .field = "in",
+                                                  .found = unmade,
+                                                  .allowed = "what this stage is to read",
+                                                  .remedy = "see that stage's log for why"}));
+    }
     if (plan_[i].may_use_gpu() && !free_gpu()) return;
     if (!enter(i)) return;
     const StageKey& key = key_of_stage(i);

@@ -1,5 +1,7 @@
 #include "pipeline/engine/spec/spec.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <set>
 
@@ -28,10 +30,12 @@ class SpecReader {
     const Variables of_the_spec = variables_;
     const SpecFile& cases = last_with("cases");
     const SpecFile& sweep = last_with("sweep");
+    const int rounds = read_rounds();
     for (const auto& one : chosen(read_cases(cases, sweep), request)) {
       variables_ = of_the_spec;
       try {
-        spec.cases.push_back(read_case(one, request.sets));
+        std::ranges::move(in_rounds(read_case(one, request.sets), rounds),
+                          std::back_inserter(spec.cases));
       } catch (const Error& e) {
         if (!request.keep_going || one.name.empty()) throw;
         spec.refused.push_back({one.name, settings_of(one), e.code(), e.what()});
@@ -82,6 +86,34 @@ class SpecReader {
     }
     for (const auto& setting : one.settings) apply_param(setting, made.stages);
     return made;
+  }
+
+  int read_rounds() const {
+    const SpecFile& file = last_with("rounds");
+    const YAML::Node node = file.root["rounds"];
+    if (!node) return 1;
+    int rounds = 0;
+    if (node.IsScalar() && YAML::convert<int>::decode(node, rounds) && rounds >= 1 &&
+        rounds <= max_rounds) {
+      return rounds;
+    }
+    throw spec_error(file.path, node, "rounds",
+                     node.IsScalar() ? "'" + node.Scalar() + "'" : "no number",
+                     fmt::format("1 to {}", max_rounds));
+  }
+
+  // A case for each round, named like those of a sweep.
+  static std::vector<SpecCase> in_rounds(SpecCase one, int rounds) {
+    if (rounds == 1) return {std::move(one)};
+    std::vector<SpecCase> all;
+    for (int round = 1; round <= rounds; ++round) {
+      SpecCase made = one;
+      made.name = fmt::format("{}{}round={}", one.name, one.name.empty() ? "" : ",", round);
+      made.settings["round"] = std::to_string(round);
+      if (round > 1) made.follows = all.back().name;
+      all.push_back(std::move(made));
+    }
+    return all;
   }
 
   // Of all files, each on top of those before it.

@@ -12,6 +12,8 @@
 //       labels: {liver: 1, tumour: 2}        # every other key is a param of the stage
 //   cases:                                   # runs of all of these stages (cases.hpp); or sweep:
 //     first: {input: one.nrrd}
+//   rounds: 2                                # each case so often, with cells for the error of the
+//                                            # round before (graph.hpp, earlier_role)
 //   gather:                                  # stages that run once, on what every case has made
 //     compare: {title: All of them}
 #pragma once
@@ -50,7 +52,10 @@ struct SpecCase {
   std::string where;                            // file:line:column
   std::vector<SpecStage> stages;                // in the order written
   std::map<std::string, std::string> settings;  // what makes it this case, as written
+  std::string follows = {};                     // the case of the round before; empty: none
 };
+
+inline constexpr int max_rounds = 20;
 
 // A case that cannot run as it is set up, in a spec whose others can.
 struct RefusedCase {

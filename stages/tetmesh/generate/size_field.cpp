@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ranges>
 
 #include "stages/image/label_components.hpp"
 
@@ -50,7 +51,69 @@ class Limiter {
   std::vector<float>& sizes_;
 };
 
+int most_common_label(const LabelImage& image) {
+  std::map<int, std::size_t> voxels;
+  for (const auto label : image.voxels)
+    if (label != 0) ++voxels[label];
+  const auto most =
+      std::ranges::max_element(voxels, {}, [](const auto& one) { return one.second; });
+  return most == voxels.end() ? 0 : most->first;
+}
+
+// Of a place in a tet: how much of each corner it is made of. Empty for a flat tet.
+class Barycentric {
+ public:
+  explicit Barycentric(const std::array<Vec, 4>& corners) : corners_(corners) {
+    volume_ = six_volumes(corners);
+  }
+  bool contains(const Vec& p, double tolerance) const {
+    if (volume_ == 0.0) return false;
+    for (int i = 0; i < 4; ++i) {
+      auto with = corners_;
+      with[i] = p;
+      if (six_volumes(with) / volume_ < -tolerance) return false;
+    }
+    return true;
+  }
+
+ private:
+  static double six_volumes(const std::array<Vec, 4>& p) {
+    return dot(sub(p[1], p[0]), cross(sub(p[2], p[0]), sub(p[3], p[0])));
+  }
+  std::array<Vec, 4> corners_;
+  double volume_;
+};
+
 }  // namespace
+
+Field sizes_by_voxel(const Frame& frame, const TetMesh& mesh, const std::vector<float>& sizes) {
+  // Of a tet's size: so far beyond its faces voxels count as covered, for surfaces are met by
+  // coarse facets.
+  constexpr double beyond = 0.15;
+  Field by_voxel(frame.voxels(), 0.0f);
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    std::array<Vec, 4> corners;
+    std::array<int, 3> low, high;
+    for (int i = 0; i < 4; ++i) corners[i] = frame.from_lps(mesh.points[mesh.tets[t][i]]);
+    for (int a = 0; a < 3; ++a) {
+      const auto [least, most] =
+          std::ranges::minmax(corners | std::views::transform([a](const Vec& p) { return p[a]; }));
+      const int last = frame.size[a] - 1;
+      low[a] = static_cast<int>(std::clamp(std::floor(least / frame.spacing[a]), 0.0, 1.0 * last));
+      high[a] = static_cast<int>(std::clamp(std::ceil(most / frame.spacing[a]), 0.0, 1.0 * last));
+    }
+    const Barycentric tet(corners);
+    for (int k = low[2]; k <= high[2]; ++k)
+      for (int j = low[1]; j <= high[1]; ++j)
+        for (int i = low[0]; i <= high[0]; ++i) {
+          const Vec place{i * frame.spacing[0], j * frame.spacing[1], k * frame.spacing[2]};
+          if (!tet.contains(place, beyond)) continue;
+          float& here = by_voxel[frame.index(i, j, k)];
+          here = here > 0.0f ? std::min(here, sizes[t]) : sizes[t];
+        }
+  }
+  return by_voxel;
+}
 
 SizeField::SizeField(const LabelImage& image, const SizeRule& rule, double cell_size)
     : frame_(image.frame), sizes_(image.voxels.size()) {
@@ -58,17 +121,31 @@ SizeField::SizeField(const LabelImage& image, const SizeRule& rule, double cell_
     const auto given = rule.label_sizes.find(label);
     return given == rule.label_sizes.end() ? cell_size : given->second;
   };
-  for (const auto label : image.voxels)
-    if (label != 0) largest_ = std::max(largest_, own(label));
+  const int common = most_common_label(image);
   for (std::size_t v = 0; v < sizes_.size(); ++v) {
-    double size = image.voxels[v] == 0 ? largest_ : own(image.voxels[v]);
-    bool at_interface = false;
+    const int label = image.voxels[v];
+    if (label == 0) continue;
+    double size = own(label);
+    bool is_at_interface = false, may_grow = label == common;
     for_each_neighbour(frame_, v, [&](std::size_t n) {
-      if (image.voxels[n] == image.voxels[v]) return;
-      at_interface = true;
-      if (image.voxels[n] != 0) size = std::min(size, own(image.voxels[n]));
+      if (image.voxels[n] == label) return;
+      is_at_interface = true;
+      if (image.voxels[n] == 0) return;
+      may_grow = false;
+      size = std::min(size, own(image.voxels[n]));
     });
-    sizes_[v] = static_cast<float>(at_interface ? rule.at_interfaces * size : size);
+    if (is_at_interface) size *= rule.at_interfaces;
+    if (!rule.relative.empty() && rule.relative[v] > 0.0f)
+      size *= may_grow ? rule.relative[v] : std::min(1.0f, rule.relative[v]);
+    sizes_[v] = static_cast<float>(size);
+    largest_ = std::max(largest_, size);
+  }
+  for (std::size_t v = 0; v < sizes_.size(); ++v) {
+    if (image.voxels[v] != 0) continue;
+    sizes_[v] = static_cast<float>(largest_);
+    for_each_neighbour(frame_, v, [&](std::size_t n) {
+      if (image.voxels[n] != 0) sizes_[v] = std::min(sizes_[v], sizes_[n]);
+    });
   }
   for (const Corner& corner : rule.corners) refine_at(corner, image, cell_size);
   Limiter(frame_, rule.grading, sizes_).run();
@@ -87,11 +164,9 @@ void SizeField::refine_at(const Corner& corner, const LabelImage& image, double 
   const auto is_inside = [&](std::size_t v) {
     const std::size_t nx = frame_.size[0], ny = frame_.size[1];
     const auto& spacing = frame_.spacing;
-    const Vec p = frame_.to_lps({spacing[0] * static_cast<double>(v % nx),
-                                 spacing[1] * static_cast<double>(v / nx % ny),
-                                 spacing[2] * static_cast<double>(v / (nx * ny))});
-    return std::ranges::all_of(corner.planes,
-                               [&p](const Plane& plane) { return plane.above(p) > 0.0; });
+    return corner.is_inside(frame_.to_lps({spacing[0] * static_cast<double>(v % nx),
+                                           spacing[1] * static_cast<double>(v / nx % ny),
+                                           spacing[2] * static_cast<double>(v / (nx * ny))}));
   };
   for (std::size_t v = 0; v < sizes_.size(); ++v) {
     bool is_at_surface = false;

@@ -2,27 +2,37 @@
 // than a given slope from one to the other. On the voxel grid; sizes in mm, places in voxel-mm.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <vector>
 
 #include "stages/image/label_field.hpp"
-#include "stages/tetmesh/improve/project_planes.hpp"
+#include "stages/mesh/tet_mesh.hpp"
+#include "stages/mesh/vec.hpp"
 
 namespace viscera {
 
 // Where the border of a region meets the surface of the body: a support's corner, at which stresses
 // grow without bound and small cells pay most.
 struct Corner {
-  std::vector<Plane> planes;  // the region lies above all of them; LPS mm
-  double size = 1.0;          // as a part of the cell size
+  std::function<bool(const Vec&)> is_inside;  // of the region; LPS mm
+  double size = 1.0;                          // as a part of the cell size
 };
+
+// Sizes of the tets of a mesh, LPS mm, by the voxels that they cover; 0 where there are none.
+Field sizes_by_voxel(const Frame& frame, const TetMesh& mesh, const std::vector<float>& sizes);
 
 struct SizeRule {
   std::map<int, double> label_sizes{};  // mm, where they differ from the cell size
   double at_interfaces = 1.0;           // the size there, as a part of the smaller label's
   double grading = 0.3;                 // mm of size that a mm of way may add
   std::vector<Corner> corners{};
-  bool uniform() const { return label_sizes.empty() && at_interfaces >= 1.0 && corners.empty(); }
+  // By voxel, what the sizes above are multiplied by, where it is not 0; by no more than 1 where
+  // labels other than the most common one are or begin, whose shape would suffer. Empty: by 1.
+  Field relative{};
+  bool uniform() const {
+    return label_sizes.empty() && at_interfaces >= 1.0 && corners.empty() && relative.empty();
+  }
 };
 
 class SizeField {

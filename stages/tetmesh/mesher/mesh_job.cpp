@@ -144,6 +144,26 @@ void MeshJob::take_sizes(const MeshRequest& request) {
     }
     sizes_.label_sizes[label->first] = size;
   }
+  if (request.size_field && by_fields_) take_size_field(*request.size_field);
+}
+
+void MeshJob::take_size_field(const MeshRequest::SizedMesh& given) {
+  constexpr double same_body = 0.9;  // of the voxels: a coarse mesh of it covers more
+  sizes_.relative = sizes_by_voxel(image_->frame, given.mesh, given.sizes);
+  std::size_t labelled = 0, covered = 0;
+  for (std::size_t v = 0; v < image_->voxels.size(); ++v) {
+    if (image_->voxels[v] == 0) continue;
+    ++labelled;
+    covered += sizes_.relative[v] > 0.0f;
+  }
+  const double share = static_cast<double>(covered) / static_cast<double>(labelled);
+  if (share >= same_body) return;
+  throw Error(ExitCode::bad_input,
+              {.where = given.file,
+               .field = "points",
+               .found = fmt::format("a mesh that covers {:.0f} % of the labels", 100.0 * share),
+               .allowed = fmt::format("a mesh of this body: {:.0f} % or more", 100.0 * same_body),
+               .remedy = "give the size_field.vtu of a simulation of these labels"});
 }
 
 void MeshJob::take_regions(const MeshRequest& request) {
@@ -156,9 +176,12 @@ void MeshJob::take_regions(const MeshRequest& request) {
   regions_ = make_regions(request.regions, extent_);
   planes_ = planes_of(regions_);
   for (const Region& region : regions_)
-    if (region.border_size < 1.0) sizes_.corners.push_back({region.planes, region.border_size});
-  if (!by_fields_ && !sizes_.uniform()) {
-    throw bad_route("surface, with sizes, interface_size or border_size",
+    if (region.border_size < 1.0) {
+      sizes_.corners.push_back(
+          {[region](const Vec& p) { return region.contains(p); }, region.border_size});
+    }
+  if (!by_fields_ && (!sizes_.uniform() || request.size_field)) {
+    throw bad_route("surface, with sizes, interface_size, border_size or a size_field",
                     "add --in labels=FILE and use route: fields, or leave the sizes out");
   }
 }

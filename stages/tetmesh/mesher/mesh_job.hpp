@@ -44,6 +44,13 @@ struct MeshRequest {
   double interface_size = 1.0;  // at the boundary and between labels, as a part of the cell size
   double grading = 0.3;         // mm that the size may grow in a mm
   std::vector<RegionRequest> regions;
+  // Of the tets of an earlier mesh of the body: the size wanted there, as a part of the cell size.
+  struct SizedMesh {
+    TetMesh mesh;
+    std::vector<float> sizes;
+    std::string file;  // what errors call it
+  };
+  std::optional<SizedMesh> size_field;
 
   // Whether the fields of labels are meshed, or else the surface, where both or one are given.
   // Throws Error(bad_config) where route, inputs, mesher and improver do not fit.
@@ -101,6 +108,7 @@ class MeshJob {
   void take_labels(MeshRequest& request);
   void take_surface(const MeshRequest& request);
   void take_sizes(const MeshRequest& request);
+  void take_size_field(const MeshRequest::SizedMesh& given);
   void take_regions(const MeshRequest& request);
 
   Result build(double cell_size, const Mesh3Options& mesh3, const ImproveOptions& options) const;

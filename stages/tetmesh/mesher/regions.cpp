@@ -235,6 +235,10 @@ Region make_region(const RegionRequest& request, const Box& body) {
 
 }  // namespace
 
+bool Region::contains(const Vec& p) const {
+  return std::ranges::all_of(planes, [&p](const Plane& plane) { return plane.above(p) > 0.0; });
+}
+
 Box box_of(const std::vector<Vec>& points) {
   Box box{points.front(), points.front()};
   for (const Vec& p : points)

@@ -31,6 +31,7 @@ struct Region {
   std::string name;
   std::vector<Plane> planes;
   double border_size = 1.0;  // as above
+  bool contains(const Vec& p) const;
 };
 
 // `body` is the box around the body, whose sides are meant. Throws Error(bad_config) where nothing
