@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ranges>
 
 #include "stages/image/label_components.hpp"
 
@@ -97,7 +96,7 @@ Field sizes_by_voxel(const Frame& frame, const TetMesh& mesh, const std::vector<
     for (int i = 0; i < 4; ++i) corners[i] = frame.from_lps(mesh.points[mesh.tets[t][i]]);
     for (int a = 0; a < 3; ++a) {
       const auto [least, most] =
-          std::ranges::minmax(corners | std::views::transform([a](const Vec& p) { return p[a]; }));
+          std::minmax({corners[0][a], corners[1][a], corners[2][a], corners[3][a]});
       const int last = frame.size[a] - 1;
       low[a] = static_cast<int>(std::clamp(std::floor(least / frame.spacing[a]), 0.0, 1.0 * last));
       high[a] = static_cast<int>(std::clamp(std::ceil(most / frame.spacing[a]), 0.0, 1.0 * last));
