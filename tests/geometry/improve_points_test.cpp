@@ -264,20 +264,22 @@ TEST(Thinning, NoTetGetsWorseThanTheFloorOrTheWorstThatWasThere) {
 }
 
 TEST(FitVolume, ASmallLabelGetsItsVolumeFromTheOneBesideItAndTheWholeStays) {
-  TetMesh mesh = shaken_cube(4, 0.1, 4);
   const double wanted = 0.505;
   const Projector project = [](const Vec& p, const std::vector<int>& labels) {
     auto contact = onto_middle(p, labels);
     if (contact) contact->normals = {{0, 0, -1}};  // out of the upper label
     return contact;
   };
-  Stars stars(mesh, project);
-  fit_volume(stars, 2, {1}, wanted, 0.1);
-  stars.extract(mesh);
-  expect_sound(mesh);
-  EXPECT_NEAR(volume_of(mesh), 1.0, 1e-12);
-  EXPECT_GT(volume_of(mesh, 2), 0.502);  // its rim, on the boundary, stays
-  EXPECT_LT(volume_of(mesh, 2), wanted + 1e-12);
+  for (const bool graded : {false, true}) {
+    TetMesh mesh = shaken_cube(4, 0.1, 4);
+    Stars stars(mesh, project);
+    fit_volume(stars, 2, {1}, wanted, 0.1, graded);
+    stars.extract(mesh);
+    expect_sound(mesh);
+    EXPECT_NEAR(volume_of(mesh), 1.0, 1e-12);
+    EXPECT_GT(volume_of(mesh, 2), 0.502) << graded;  // its rim, on the boundary, stays
+    EXPECT_LT(volume_of(mesh, 2), wanted + 1e-12) << graded;
+  }
 }
 
 }  // namespace
