@@ -9,6 +9,7 @@
 #include "sim/element_choice.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
+#include "tests/bench/measured.hpp"
 #include "tests/verification/truth.hpp"
 
 namespace viscera {
@@ -66,6 +67,27 @@ inline sim::Scene scene_of(sim::Element element, double poisson_ratio, int subst
   scene.params<sim::Gravity>().emplace_back().direction = {0.0, 1.0, 0.0};
   scene.time.substeps = substeps;
   return scene;
+}
+
+// Where a solver's body rests, after so many rounds of three frames; velocities are halved before
+// each.
+struct Rested {
+  sim::State state;
+  std::vector<double> ms;  // of each frame
+};
+
+inline Rested rest_from(sim::Solver& solver, const sim::State& start, int rounds) {
+  constexpr int frames = 3;
+  Rested rested{.state = start};
+  rested.state.step = 0;
+  for (int round = 0; round < rounds; ++round) {
+    for (auto& v : rested.state.v) v = 0.5 * v;
+    solver.set_state(rested.state);
+    for (int frame = 0; frame < frames; ++frame)
+      rested.ms.push_back(time_frame([&solver] { solver.advance_frame(); }));
+    rested.state = solver.state();
+  }
+  return rested;
 }
 
 }  // namespace viscera

@@ -18,7 +18,6 @@
 #include "sim/make.hpp"
 #include "sim/measures/stability.hpp"
 #include "tests/bench/bodies.hpp"
-#include "tests/bench/measured.hpp"
 
 namespace viscera {
 namespace {
@@ -82,17 +81,7 @@ struct Bench {
         const sim::SolverOptions options{.scheme = place.scheme, .threads = 1};
         const auto solver = place.on_device ? make_on_cuda(body.model, scene, options)
                                             : make_on_cpu(body.model, scene, options);
-        State state = newton;
-        state.step = 0;
-        std::vector<double> ms;
-        for (int round = 0; round < 40; ++round) {
-          for (auto& v : state.v) v = 0.5 * v;
-          solver->set_state(state);
-          for (int frame = 0; frame < 3; ++frame) {
-            ms.push_back(time_frame([&solver] { solver->advance_frame(); }));
-          }
-          state = solver->state();
-        }
+        const auto [state, ms] = rest_from(*solver, newton, 40);
         const auto u = judged(body, state);
         row(body, nu, smoothed ? "smoothed" : "linear", place.name, substeps, percent_off(u, truth),
             percent_off(u, judged(body, newton)), ms);
