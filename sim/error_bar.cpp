@@ -96,8 +96,9 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
                    const std::function<void()>& pause_point, std::span<const Probe> probes) {
   const Element own = element_of(scene, order);
   ErrorBar bar;
-  if (!scene.has<NeoHookean>() && !scene.has<SmoothedNeoHookean>()) {
-    bar.unknown = "quadratic tets know neo_hookean alone";
+  if (!scene.has<NeoHookean>() && !scene.has<SmoothedNeoHookean>() && !scene.has<MooneyRivlin>() &&
+      !scene.has<Ogden>()) {
+    bar.unknown = "quadratic tets know neo_hookean, mooney_rivlin and ogden alone";
     return bar;
   }
   Equilibria all{.run = end.u};

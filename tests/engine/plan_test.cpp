@@ -29,15 +29,17 @@ Entry ended(ExitCode exit, const std::string& message, double wall_s = 0.0) {
   return entry;
 }
 
+// A program that only describes itself.
+void install(const TemporaryFolder& folder, const StageInfo& info) {
+  const fs::path program = folder.path() / ("viscera-" + info.name);
+  write_atomically(program, "#!/bin/sh\ncat <<'end'\n" + to_json(info).dump() + "\nend\n");
+  fs::permissions(program, fs::perms::owner_all);
+}
+
 TEST(Plan, AGatheringStageReadsOfEveryCaseAlsoWhatTheFirstStageMakes) {
   const TemporaryFolder folder(fs::temp_directory_path());
-  const auto install = [&](const StageInfo& info) {
-    const fs::path program = folder.path() / ("viscera-" + info.name);
-    write_atomically(program, "#!/bin/sh\ncat <<'end'\n" + to_json(info).dump() + "\nend\n");
-    fs::permissions(program, fs::perms::owner_all);
-  };
-  install({.name = "alpha", .outputs = {{.file = "a.txt", .role = "mesh"}}});
-  install({.name = "omega", .inputs = {{.role = "mesh", .many = true}}});
+  install(folder, {.name = "alpha", .outputs = {{.file = "a.txt", .role = "mesh"}}});
+  install(folder, {.name = "omega", .inputs = {{.role = "mesh", .many = true}}});
   Spec spec;
   for (const char* name : {"soft", "stiff"})
     spec.cases.push_back({.name = name, .stages = {{.name = "alpha"}}});
@@ -52,17 +54,12 @@ TEST(Plan, AGatheringStageReadsOfEveryCaseAlsoWhatTheFirstStageMakes) {
 // The tets of a round are made for the error that the round before has found.
 TEST(Plan, ARoundReadsWhatALaterStageOfTheRoundBeforeMade) {
   const TemporaryFolder folder(fs::temp_directory_path());
-  const auto install = [&](const StageInfo& info) {
-    const fs::path program = folder.path() / ("viscera-" + info.name);
-    write_atomically(program, "#!/bin/sh\ncat <<'end'\n" + to_json(info).dump() + "\nend\n");
-    fs::permissions(program, fs::perms::owner_all);
-  };
-  install({.name = "alpha",
-           .inputs = {{.role = earlier_role, .required = false}},
-           .outputs = {{.file = "a.txt", .role = "mesh"}}});
-  install({.name = "beta",
-           .inputs = {{.role = "mesh"}},
-           .outputs = {{.file = "b.txt", .role = earlier_role}}});
+  install(folder, {.name = "alpha",
+                   .inputs = {{.role = earlier_role, .required = false}},
+                   .outputs = {{.file = "a.txt", .role = "mesh"}}});
+  install(folder, {.name = "beta",
+                   .inputs = {{.role = "mesh"}},
+                   .outputs = {{.file = "b.txt", .role = earlier_role}}});
   write_atomically(folder.path() / "a.yaml",
                    "viscera: 1\nstages:\n  alpha: {}\n  beta: {}\ncases:\n  x: {}\n  y: {}\n"
                    "rounds: 2\n");

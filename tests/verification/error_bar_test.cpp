@@ -52,6 +52,30 @@ TEST(ErrorBar, OfABentBarIsNoLessThanTheTrueErrorAndAtMostThreeTimesAsMuch) {
   }
 }
 
+// Linear tets alone have these laws beside quadratic ones: most of the bar is the element's part.
+template <class Law>
+void check_bar_of_law(const typename Law::Params& params) {
+  const Model model = bar();
+  Scene scene = held_scene(false);
+  scene.params<NeoHookean>().clear();
+  scene.params<Law>().push_back(params);
+  const Displacement truth = equilibrium(cut_in_eight(model), scene, 2).u;
+  const State end = equilibrium(model, scene, 1);
+  const ErrorBar bar = error_bar(model, scene, end, 1, [] {});
+  ASSERT_EQ(bar.unknown, "") << Law::name;
+  const double found = off(model, end.u, truth);
+  EXPECT_GT(found, 0.1 * bar.size) << Law::name;
+  EXPECT_GE(bar.displacement.total, found) << Law::name;
+  EXPECT_LE(bar.displacement.total, 1.5 * found) << Law::name;
+  EXPECT_GT(bar.displacement.element, 0.7 * found) << Law::name;
+  EXPECT_EQ(bar.sizes.size(), model.tet_count());
+}
+
+TEST(ErrorBar, KnowsMooneyRivlinAndOgdenToo) {
+  check_bar_of_law<MooneyRivlin>({0.3});
+  check_bar_of_law<Ogden>({-4.7});
+}
+
 // A bar that is held at one end and bent: stresses grow without bound along the edges of that end,
 // and its other end has none. The sizes ask for about as many tets as there are.
 TEST(WantedSizes, AreSmallAtTheEdgesOfASupportAndLargeWhereThereIsNoStress) {

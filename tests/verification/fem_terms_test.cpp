@@ -5,6 +5,7 @@
 #include "sim/solvers/fem/contact.hpp"
 #include "sim/solvers/fem/dual.hpp"
 #include "sim/solvers/fem/effect.hpp"
+#include "sim/solvers/fem/hyperelastic.hpp"
 #include "sim/solvers/fem/neo_hookean.hpp"
 #include "tests/sim/shapes.hpp"
 
@@ -90,6 +91,44 @@ TEST(FemTerms, NeoHookeanForcesAndTangentsAreDerivativesOnLinearAndQuadraticTets
   NeoHookeanTerm<10> on_quadratic(model, quadratic);
   check_derivatives(on_linear, linear.node_count(), 0.004, "linear");
   check_derivatives(on_quadratic, quadratic.node_count(), 0.002, "quadratic");
+}
+
+// The term of a law on quadratic tets.
+template <class Law>
+struct OnQuadraticTets {
+  const Model model = make_cube(2);
+  const FemMesh mesh{model, 2};
+  const Prepared<Law, double> prepared;
+  HyperelasticTerm<Law> term{mesh, prepared.rest};
+
+  explicit OnQuadraticTets(const typename Law::Params& params) : prepared(model, params, dt) {}
+};
+
+TEST(FemTerms, HyperelasticForcesAndTangentsAreDerivativesOnQuadraticTets) {
+  OnQuadraticTets<MooneyRivlin> mooney({0.3});
+  check_derivatives(mooney.term, mooney.mesh.node_count(), 0.002, "mooney_rivlin");
+  OnQuadraticTets<Ogden> ogden({-4.7});
+  check_derivatives(ogden.term, ogden.mesh.node_count(), 0.001, "ogden");
+}
+
+TEST(FemTerms, WithoutItsSecondInvariantMooneyRivlinIsNeoHookeanOnQuadraticTetsToo) {
+  OnQuadraticTets<MooneyRivlin> mooney({0.0});
+  NeoHookeanTerm<10> closed(mooney.model, mooney.mesh);
+  FemSystem system = system_of(closed, mooney.mesh.node_count());
+  mooney.term.take_places(system);
+  const Bench at(mooney.mesh.node_count(), 5, 0.004);
+  NodeField p(mooney.mesh.node_count());
+  std::mt19937 generator(9);
+  for (auto& a : p) a = random_vector(generator, 1.0);
+  for (const Tangent kind : {Tangent::exact, Tangent::definite}) {
+    const Eigen::VectorXd one = at.pull(closed, system, p, kind),
+                          other = at.pull(mooney.term, system, p, kind);
+    EXPECT_LT((one - other).norm(), 1e-10 * one.norm());
+  }
+  const FemForces one = at.forces(closed), other = at.forces(mooney.term);
+  for (std::size_t i = 0; i < p.size(); ++i)
+    EXPECT_LT(norm(one.sum[i] - other.sum[i]), 1e-12 * one.scale);
+  EXPECT_NEAR(one.energy, other.energy, 1e-12 * one.size);
 }
 
 TEST(VolumeBarrier, HasTheSlopeAndCurvatureOfItsEnergyAndNoneAboveItsOnset) {

@@ -34,6 +34,20 @@ T element_force(const typename Effect::template Rest<T>& rest, const T* history,
   return energy;
 }
 
+// A struct of doubles as one of numbers of another type.
+template <class To, class D, class From>
+To as_constants(const From& constants) {
+  constexpr std::size_t numbers = sizeof(From) / sizeof(double);
+  To out;
+  static_assert(sizeof(out) == numbers * sizeof(D));
+  std::array<double, numbers> from;
+  std::array<D, numbers> to;
+  std::memcpy(from.data(), &constants, sizeof(constants));
+  for (std::size_t k = 0; k < numbers; ++k) to[k] = D(from[k]);
+  std::memcpy(static_cast<void*>(&out), to.data(), sizeof(out));
+  return out;
+}
+
 template <class Effect>
 constexpr bool is_linear_in_motion = [] {
   if constexpr (requires { Effect::linear_in_motion; }) return Effect::linear_in_motion;
@@ -166,7 +180,8 @@ class EffectTerm final : public FemTerm {
     }
     D history[history_of<Effect> + 1];
     for (int k = 0; k < history_of<Effect>; ++k) history[k] = D(history_of_element(e)[k]);
-    element_force<Effect>(as_constants<D>(rest(e, fields)), history, u, d, force);
+    element_force<Effect>(as_constants<typename Effect::template Rest<D>, D>(rest(e, fields)),
+                          history, u, d, force);
     Matrix k;
     for (int i = 0; i < size; ++i) {
       for (int j = 0; j < size; ++j) k(i, j) = -component(force[i / 3], i % 3).slope[j];
@@ -177,20 +192,6 @@ class EffectTerm final : public FemTerm {
   template <class T>
   static T& component(Vec3<T>& v, int axis) {
     return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
-  }
-
-  // The numbers of a Rest as another type.
-  template <class D>
-  static typename Effect::template Rest<D> as_constants(const Rest& rest) {
-    constexpr std::size_t numbers = sizeof(Rest) / sizeof(double);
-    typename Effect::template Rest<D> out;
-    static_assert(sizeof(out) == numbers * sizeof(D));
-    std::array<double, numbers> from;
-    std::array<D, numbers> to;
-    std::memcpy(from.data(), &rest, sizeof(rest));
-    for (std::size_t k = 0; k < numbers; ++k) to[k] = D(from[k]);
-    std::memcpy(static_cast<void*>(&out), to.data(), sizeof(out));
-    return out;
   }
 
   const std::vector<std::array<int, arity>>& vertices_;

@@ -17,6 +17,7 @@
 #include "sim/solvers/fem/contact.hpp"
 #include "sim/solvers/fem/diagnostics.hpp"
 #include "sim/solvers/fem/effect.hpp"
+#include "sim/solvers/fem/hyperelastic.hpp"
 #include "sim/solvers/fem/mass.hpp"
 #include "sim/solvers/fem/newton.hpp"
 #include "sim/solvers/fem/nodes.hpp"
@@ -337,9 +338,15 @@ class FemSolver final : public Solver, public FemRest {
       }
       return;
     }
+    if constexpr (std::is_same_v<Effect, MooneyRivlin> || std::is_same_v<Effect, Ogden>) {
+      if (mesh_.order == 2) {
+        terms_.push_back(std::make_unique<HyperelasticTerm<Effect>>(mesh_, effect.rest));
+        return;
+      }
+    }
     if (mesh_.order != 1 && Effect::arity > 1) {
       refuse((std::string("effects.") + Effect::name).c_str(), "quadratic tets",
-             "neo_hookean and effects of single nodes", "use fem.order 1");
+             "neo_hookean, mooney_rivlin, ogden and effects of single nodes", "use fem.order 1");
     }
     if constexpr (std::is_same_v<Effect, SmoothedNeoHookean>) {
       terms_.push_back(std::make_unique<NeoHookeanTerm<Effect::arity>>(

@@ -69,13 +69,9 @@ Eigen::Matrix<double, 3 * n, 3 * n> neo_hookean_tangent(
   return k;
 }
 
+// The gradient of deformation, by columns, by the positions of n nodes.
 template <int n>
-Eigen::Matrix<double, 3 * n, 3 * n> definite_neo_hookean_tangent(
-    const Lame& lame, const Mat3<double>& h, const std::array<Vec3<double>, n>& b,
-    const VolumeBarrier::Value<double>& barrier = {}) {
-  Eigen::Matrix<double, 9, 9> by_f =
-      neo_hookean_tangent<3>(lame, h, {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, barrier);
-  make_definite<9>(by_f);
+Eigen::Matrix<double, 9, 3 * n> gradient_by_positions(const std::array<Vec3<double>, n>& b) {
   Eigen::Matrix<double, 9, 3 * n> f_by_x = Eigen::Matrix<double, 9, 3 * n>::Zero();
   for (int i = 0; i < n; ++i) {
     const double parts[3] = {b[i].x, b[i].y, b[i].z};
@@ -83,7 +79,28 @@ Eigen::Matrix<double, 3 * n, 3 * n> definite_neo_hookean_tangent(
       f_by_x.template block<3, 3>(3 * axis, 3 * i).diagonal().setConstant(parts[axis]);
     }
   }
+  return f_by_x;
+}
+
+template <int n>
+Eigen::Matrix<double, 3 * n, 3 * n> definite_neo_hookean_tangent(
+    const Lame& lame, const Mat3<double>& h, const std::array<Vec3<double>, n>& b,
+    const VolumeBarrier::Value<double>& barrier = {}) {
+  Eigen::Matrix<double, 9, 9> by_f =
+      neo_hookean_tangent<3>(lame, h, {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, barrier);
+  make_definite<9>(by_f);
+  const auto f_by_x = gradient_by_positions<n>(b);
   return f_by_x.transpose() * by_f * f_by_x;
+}
+
+// At u + d.
+template <int n>
+Mat3<double> gradient_at(const std::array<int, n>& nodes, const QuadraturePoint<n>& point,
+                         const FemFields& fields) {
+  Mat3<double> h = gradient_at<n>(nodes, point, fields.u);
+  const Mat3<double> more = gradient_at<n>(nodes, point, fields.d);
+  for (int i = 0; i < 3; ++i) h.col[i] += more.col[i];
+  return h;
 }
 
 template <int n>
@@ -142,7 +159,7 @@ class NeoHookeanTerm final : public FemTerm {
       for (int p = 0; p < point_count; ++p) {
         if (!guarded_[e][p]) continue;
         const auto& point = elements_[e].points[p];
-        const Mat3<double> h = gradient(fields, elements_[e].nodes, point);
+        const Mat3<double> h = gradient_at<n>(elements_[e].nodes, point, fields);
         const Mat3<double> change = gradient_at<n>(elements_[e].nodes, point, step);
         const double least = kept * (1.0 + NeoHookean::volume_strain(h));
         const auto j_after = [&] {
@@ -162,7 +179,7 @@ class NeoHookeanTerm final : public FemTerm {
       Vec3<double> force[n];
       for (int p = 0; p < point_count; ++p) {
         const auto& point = elements_[e].points[p];
-        const Mat3<double> h = gradient(fields, elements_[e].nodes, point);
+        const Mat3<double> h = gradient_at<n>(elements_[e].nodes, point, fields);
         const double j1 = NeoHookean::volume_strain(h);
         const VolumeBarrier::Value<double> barrier = barrier_at(e, p, j1);
         const Mat3<double> cof_minus_i = NeoHookean::cofactor_strain(h);
@@ -184,7 +201,7 @@ class NeoHookeanTerm final : public FemTerm {
       Eigen::Matrix<double, 3 * n, 3 * n> k = Eigen::Matrix<double, 3 * n, 3 * n>::Zero();
       for (int p = 0; p < point_count; ++p) {
         const auto& point = elements_[e].points[p];
-        const Mat3<double> h = gradient(fields, elements_[e].nodes, point);
+        const Mat3<double> h = gradient_at<n>(elements_[e].nodes, point, fields);
         const auto barrier = barrier_at(e, p, NeoHookean::volume_strain(h));
         k += point.volume *
              (kind == Tangent::exact
@@ -200,13 +217,6 @@ class NeoHookeanTerm final : public FemTerm {
 
   static Lame of_tet(const Model& model, std::size_t tet) { return lame(model.material(tet)); }
 
-  static Mat3<double> gradient(const FemFields& fields, const std::array<int, n>& nodes,
-                               const QuadraturePoint<n>& point) {
-    Mat3<double> h = gradient_at<n>(nodes, point, fields.u);
-    const Mat3<double> more = gradient_at<n>(nodes, point, fields.d);
-    for (int i = 0; i < 3; ++i) h.col[i] += more.col[i];
-    return h;
-  }
   VolumeBarrier::Value<double> barrier_at(std::size_t e, int p, double j_minus_1) const {
     if (!guarded_[e][p]) return {};
     if (j_minus_1 <= -1.0) return {.energy = std::numeric_limits<double>::infinity()};
