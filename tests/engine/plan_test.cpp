@@ -59,7 +59,7 @@ TEST(Plan, ARoundReadsWhatALaterStageOfTheRoundBeforeMade) {
                    .outputs = {{.file = "a.txt", .role = "mesh"}}});
   install(folder, {.name = "beta",
                    .inputs = {{.role = "mesh"}},
-                   .outputs = {{.file = "b.txt", .role = earlier_role}}});
+                   .outputs = {{.file = "b.txt", .role = earlier_role, .doc = "if asked"}}});
   write_atomically(folder.path() / "a.yaml",
                    "viscera: 1\nstages:\n  alpha: {}\n  beta: {}\ncases:\n  x: {}\n  y: {}\n"
                    "rounds: 2\n");
@@ -82,7 +82,7 @@ TEST(Plan, ARoundReadsWhatALaterStageOfTheRoundBeforeMade) {
   Entries entries(plan.size());
   entries[0] = ended(ExitCode::ok, ""), entries[1] = ended(ExitCode::ok, "");
   EXPECT_TRUE(lacks_input(plan[2], entries));
-  EXPECT_EQ(left_unmade(plan, 2, entries), "x,round=1/beta wrote no b.txt");
+  EXPECT_EQ(left_unmade(plan, 2, entries), "x,round=1/beta wrote no b.txt (if asked)");
   entries[1] = ended(ExitCode::gate_failed, "");
   EXPECT_TRUE(lacks_input(plan[2], entries));
   EXPECT_EQ(left_unmade(plan, 2, entries), "");

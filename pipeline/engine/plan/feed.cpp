@@ -34,8 +34,12 @@ std::string left_unmade(const Plan& plan, std::size_t i, const Entries& entries)
       return entries[producer] && entries[producer]->manifest.exit == ExitCode::ok;
     });
     if (!ended_well || !is_lacking(input, entries)) continue;
-    return fmt::format("{} wrote no {}", plan[input.producers.front()].label(),
-                       input.produced_file);
+    const PlannedStage& producer = plan[input.producers.front()];
+    const auto& outputs = producer.program.info.outputs;
+    const auto file = std::ranges::find(outputs, input.produced_file, &OutputFile::file);
+    const bool has_doc = file != outputs.end() && !file->doc.empty();
+    return fmt::format("{} wrote no {}{}", producer.label(), input.produced_file,
+                       has_doc ? " (" + file->doc + ")" : "");
   }
   return "";
 }
