@@ -51,20 +51,19 @@ class Limiter {
 };
 
 int most_common_label(const LabelImage& image) {
-  std::map<int, std::size_t> voxels;
-  for (const auto label : image.voxels)
-    if (label != 0) ++voxels[label];
-  const auto most =
-      std::ranges::max_element(voxels, {}, [](const auto& one) { return one.second; });
-  return most == voxels.end() ? 0 : most->first;
+  std::vector<std::size_t> voxels(max_label_id + 1);
+  for (const auto label : image.voxels) ++voxels[label];
+  voxels[0] = 0;
+  return static_cast<int>(std::ranges::max_element(voxels) - voxels.begin());
 }
 
-// Of a place in a tet: how much of each corner it is made of. Empty for a flat tet.
+// Which places lie in a tet, by their barycentric coordinates; none in a flat one.
 class Barycentric {
  public:
   explicit Barycentric(const std::array<Vec, 4>& corners) : corners_(corners) {
     volume_ = six_volumes(corners);
   }
+  // `tolerance`: how far below 0 a coordinate may be.
   bool contains(const Vec& p, double tolerance) const {
     if (volume_ == 0.0) return false;
     for (int i = 0; i < 4; ++i) {
