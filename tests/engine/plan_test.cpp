@@ -4,6 +4,7 @@
 
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/digest.hpp"
+#include "pipeline/base/error.hpp"
 #include "pipeline/engine/plan/case_report.hpp"
 #include "pipeline/engine/plan/feed.hpp"
 #include "pipeline/engine/run/inspect.hpp"
@@ -64,6 +65,18 @@ TEST(Plan, ARoundReadsWhatALaterStageOfTheRoundBeforeMade) {
                    "viscera: 1\nstages:\n  alpha: {}\n  beta: {}\ncases:\n  x: {}\n  y: {}\n"
                    "rounds: 2\n");
   const Spec spec = load_spec({.path = folder.path() / "a.yaml"});
+  const auto only = [&](const std::string& name) {
+    std::vector<std::string> names;
+    for (const SpecCase& one :
+         load_spec({.path = folder.path() / "a.yaml", .only_cases = {name}}).cases)
+      names.push_back(one.name);
+    return names;
+  };
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(only("y"), (Names{"y,round=1", "y,round=2"}));
+  EXPECT_EQ(only("x,round=2"), (Names{"x,round=1", "x,round=2"})) << "what it follows";
+  EXPECT_EQ(only("x,round=1"), Names{"x,round=1"});
+  EXPECT_THROW(only("x,round=3"), Error);
   Store store(folder.path() / "cache", false);
   Catalog catalog(folder.path(), store);
   const Plan plan = make_plan(spec, catalog);

@@ -31,11 +31,12 @@ class SpecReader {
     const SpecFile& cases = last_with("cases");
     const SpecFile& sweep = last_with("sweep");
     const int rounds = read_rounds();
-    for (const auto& one : chosen(read_cases(cases, sweep), request)) {
+    for (const auto& one : chosen(read_cases(cases, sweep), request, rounds)) {
       variables_ = of_the_spec;
       try {
-        std::ranges::move(in_rounds(read_case(one, request.sets), rounds),
-                          std::back_inserter(spec.cases));
+        std::ranges::move(
+            in_rounds(read_case(one, request.sets), rounds, last_round(one.name, request, rounds)),
+            std::back_inserter(spec.cases));
       } catch (const Error& e) {
         if (!request.keep_going || one.name.empty()) throw;
         spec.refused.push_back({one.name, settings_of(one), e.code(), e.what()});
@@ -102,13 +103,27 @@ class SpecReader {
                      fmt::format("1 to {}", max_rounds));
   }
 
-  // A case for each round, named like those of a sweep.
-  static std::vector<SpecCase> in_rounds(SpecCase one, int rounds) {
+  // Named like the cases of a sweep.
+  static std::string round_name(const std::string& name, int round) {
+    return fmt::format("{}{}round={}", name, name.empty() ? "" : ",", round);
+  }
+
+  // Of a case, the last round that is asked for: all of them by the case's name. 0: none.
+  static int last_round(const std::string& name, const SpecRequest& request, int rounds) {
+    const auto& only = request.only_cases;
+    if (only.empty() || (!name.empty() && std::ranges::count(only, name))) return rounds;
+    for (int round = rounds; rounds > 1 && round > 0; --round)
+      if (std::ranges::count(only, round_name(name, round))) return round;
+    return 0;
+  }
+
+  // A case for each round up to the last one.
+  static std::vector<SpecCase> in_rounds(SpecCase one, int rounds, int last) {
     if (rounds == 1) return {std::move(one)};
     std::vector<SpecCase> all;
-    for (int round = 1; round <= rounds; ++round) {
+    for (int round = 1; round <= last; ++round) {
       SpecCase made = one;
-      made.name = fmt::format("{}{}round={}", one.name, one.name.empty() ? "" : ",", round);
+      made.name = round_name(one.name, round);
       made.settings["round"] = std::to_string(round);
       if (round > 1) made.follows = all.back().name;
       all.push_back(std::move(made));
@@ -149,11 +164,13 @@ class SpecReader {
     return texts;
   }
 
-  static std::vector<Case> chosen(std::vector<Case> all, const SpecRequest& request) {
+  static std::vector<Case> chosen(std::vector<Case> all, const SpecRequest& request, int rounds) {
     if (request.only_cases.empty()) return all;
     std::vector<std::string> names;
     for (const auto& one : all) {
       if (!one.name.empty()) names.push_back(one.name);
+      for (int round = 1; rounds > 1 && round <= rounds; ++round)
+        names.push_back(round_name(one.name, round));
     }
     for (const auto& name : request.only_cases) {
       if (std::ranges::count(names, name)) continue;
@@ -163,9 +180,7 @@ class SpecReader {
                    .found = "no case '" + name + "' in the spec",
                    .remedy = names.empty() ? "leave it out" : suggest(name, names)});
     }
-    std::erase_if(all, [&request](const Case& one) {
-      return !std::ranges::count(request.only_cases, one.name);
-    });
+    std::erase_if(all, [&](const Case& one) { return last_round(one.name, request, rounds) == 0; });
     return all;
   }
 

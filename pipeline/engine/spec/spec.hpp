@@ -77,7 +77,8 @@ struct SpecRequest {
   std::filesystem::path path;
   std::vector<std::string> sets;        // --set: "variable=value", "stage.param=value"; they have
                                         // the last word over what a case sets
-  std::vector<std::string> only_cases;  // --case; empty: all. Else nothing is gathered
+  std::vector<std::string> only_cases;  // --case; empty: all. Else nothing is gathered; a
+                                        // round brings those before it
   bool keep_going = false;              // errors in single cases go to Spec::refused
 };
 
