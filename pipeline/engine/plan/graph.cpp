@@ -89,8 +89,8 @@ void check_given_roles(const Candidate& stage, const std::vector<Candidate>& sta
       throw bad(given.where, field, "unknown input role",
                 known.empty() ? "remove it" : suggest(given.role, known));
     }
-    const auto writer = writers.find(given.role);
     if (given.role == earlier_role) continue;
+    const auto writer = writers.find(given.role);
     if (writer == writers.end() || stages[writer->second.candidate].spec == stage.spec) continue;
     throw bad(given.where, field,
               fmt::format("stage '{}' already writes this role",
@@ -242,13 +242,12 @@ MadeByRole made_by(const Plan& plan) {
   return made;
 }
 
-// What a round takes from the one before it.
+// What a round takes from the one before it, whose stages are the last of the plan.
 MadeByRole made_before(const Plan& plan, const SpecCase& round, const std::string& where) {
   if (round.follows.empty()) return {};
   MadeByRole made;
   bool is_read = false;
-  for (std::size_t i = 0; i < plan.size(); ++i) {
-    if (plan[i].case_name != round.follows) continue;
+  for (std::size_t i = plan.size(); i-- > 0 && plan[i].case_name == round.follows;) {
     const auto& inputs = plan[i].program.info.inputs;
     const auto& outputs = plan[i].program.info.outputs;
     is_read = is_read || std::ranges::count(inputs, earlier_role, &InputRole::role) > 0;

@@ -50,13 +50,6 @@ class Limiter {
   std::vector<float>& sizes_;
 };
 
-int most_common_label(const LabelImage& image) {
-  std::vector<std::size_t> voxels(max_label_id + 1);
-  for (const auto label : image.voxels) ++voxels[label];
-  voxels[0] = 0;
-  return static_cast<int>(std::ranges::max_element(voxels) - voxels.begin());
-}
-
 // Which places lie in a tet, by their barycentric coordinates; none in a flat one.
 class Barycentric {
  public:
@@ -119,12 +112,11 @@ SizeField::SizeField(const LabelImage& image, const SizeRule& rule, double cell_
     const auto given = rule.label_sizes.find(label);
     return given == rule.label_sizes.end() ? cell_size : given->second;
   };
-  const int common = most_common_label(image);
   for (std::size_t v = 0; v < sizes_.size(); ++v) {
     const int label = image.voxels[v];
     if (label == 0) continue;
     double size = own(label);
-    bool is_at_interface = false, may_grow = label == common;
+    bool is_at_interface = false, may_grow = label == rule.common_label;
     for_each_neighbour(frame_, v, [&](std::size_t n) {
       if (image.voxels[n] == label) return;
       is_at_interface = true;

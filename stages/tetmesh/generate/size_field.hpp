@@ -30,6 +30,7 @@ struct SizeRule {
   // By voxel, what the sizes above are multiplied by, where it is not 0; by no more than 1 where
   // labels other than the most common one are or begin, whose shape would suffer. Empty: by 1.
   Field relative{};
+  int common_label = 0;
   bool uniform() const {
     return label_sizes.empty() && at_interfaces >= 1.0 && corners.empty() && relative.empty();
   }

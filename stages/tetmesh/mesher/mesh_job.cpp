@@ -89,6 +89,7 @@ MeshJob::MeshJob(MeshRequest request)
   if (!by_fields_) take_surface(request);
   take_sizes(request);
   take_regions(request);
+  check_sizes(request);
 }
 
 void MeshJob::take_labels(MeshRequest& request) {
@@ -150,6 +151,9 @@ void MeshJob::take_sizes(const MeshRequest& request) {
 void MeshJob::take_size_field(const MeshRequest::SizedMesh& given) {
   constexpr double same_body = 0.9;  // of the voxels: a coarse mesh of it covers more
   sizes_.relative = sizes_by_voxel(image_->frame, given.mesh, given.sizes);
+  sizes_.common_label = std::ranges::max_element(label_volumes_, {}, [](const auto& label) {
+                          return label.second;
+                        })->first;
   std::size_t labelled = 0, covered = 0;
   for (std::size_t v = 0; v < image_->voxels.size(); ++v) {
     if (image_->voxels[v] == 0) continue;
@@ -180,10 +184,12 @@ void MeshJob::take_regions(const MeshRequest& request) {
       sizes_.corners.push_back(
           {[region](const Vec& p) { return region.contains(p); }, region.border_size});
     }
-  if (!by_fields_ && (!sizes_.uniform() || request.size_field)) {
-    throw bad_route("surface, with sizes, interface_size, border_size or a size_field",
-                    "add --in labels=FILE and use route: fields, or leave the sizes out");
-  }
+}
+
+void MeshJob::check_sizes(const MeshRequest& request) const {
+  if (by_fields_ || (sizes_.uniform() && !request.size_field)) return;
+  throw bad_route("surface, with sizes, interface_size, border_size or a size_field",
+                  "add --in labels=FILE and use route: fields, or leave the sizes out");
 }
 
 void MeshJob::take_surface(const MeshRequest& request) {
@@ -230,12 +236,12 @@ std::vector<Inside> MeshJob::lattice(const Sizing& sizing) const {
   return sites;
 }
 
-std::shared_ptr<const SizeField> MeshJob::size_field(double cell_size) const {
+MeshJob::Sizes MeshJob::size_field(double cell_size) const {
   if (!by_fields_ || sizes_.uniform()) return nullptr;
   return std::make_shared<const SizeField>(*image_, sizes_, cell_size);
 }
 
-TetMesh MeshJob::refine(double cell_size, const Mesh3Options& options) const {
+TetMesh MeshJob::refine(double cell_size, const Sizes& sizes, const Mesh3Options& options) const {
   Sizing sizing = factors_;
   sizing.cell_size = cell_size;
   sizing.facet_size *= cell_size;
@@ -246,9 +252,9 @@ TetMesh MeshJob::refine(double cell_size, const Mesh3Options& options) const {
     return surface_->mesh(names_.begin()->first, interior, sizing, options);
   }
   double largest = 1.0;
-  if (const auto field = size_field(cell_size)) {
-    sizing.scale = [field, cell_size](const Vec& p) { return field->at(p) / cell_size; };
-    largest = field->largest() / cell_size;
+  if (sizes) {
+    sizing.scale = [sizes, cell_size](const Vec& p) { return sizes->at(p) / cell_size; };
+    largest = sizes->largest() / cell_size;
   }
   const auto seeds = seed_interfaces(*fields_, *interfaces_, sizing, largest);
   return mesh_fields(*fields_, seeds, lattice(sizing), sizing, options);
@@ -274,16 +280,16 @@ MeshJob::Result MeshJob::mesh(double cell_size) const {
   const auto progress = [](double part) { log::progress("tets", 0.5 + 0.5 * part, "improving"); };
   std::map<int, double> volumes{{body_label, body_volume_}};
   if (by_fields_) volumes.insert(label_volumes_.begin(), label_volumes_.end());
-  return build(cell_size, options_,
+  return build(cell_size, size_field(cell_size), options_,
                {.graded = !sizes_.uniform(),
                 .thinning = thinning(cell_size),
                 .volumes = volumes,
                 .progress = progress});
 }
 
-MeshJob::Result MeshJob::build(double cell_size, const Mesh3Options& mesh3,
+MeshJob::Result MeshJob::build(double cell_size, const Sizes& sizes, const Mesh3Options& mesh3,
                                const ImproveOptions& options) const {
-  Result result{.mesh = refine(cell_size, mesh3)};
+  Result result{.mesh = refine(cell_size, sizes, mesh3)};
   TetMesh& mesh = result.mesh;
   mesh.label_names = names_;
   result.mended = mend_boundary(mesh, bodies_);
@@ -333,8 +339,9 @@ double MeshJob::estimate_memory(double tets) const {
 }
 
 std::size_t MeshJob::calibrate(double cell_size) {
+  const Sizes sizes = size_field(cell_size);
   const TetMesh trial =
-      build(cell_size, {},
+      build(cell_size, sizes, {},
             {.rounds = trial_rounds, .graded = !sizes_.uniform(), .thinning = thinning(cell_size)})
           .mesh;
   if (!by_fields_) return trial.tets.size();
@@ -352,7 +359,6 @@ std::size_t MeshJob::calibrate(double cell_size) {
   };
   correct(body_label, body_volume_);
   for (const auto& [id, wanted] : label_volumes_) correct(id, wanted);
-  const auto sizes = size_field(cell_size);
   fields_->aim(aims_, sizes ? sizes->cut_corners() : Field());
   return trial.tets.size();
 }

@@ -110,13 +110,15 @@ class MeshJob {
   void take_sizes(const MeshRequest& request);
   void take_size_field(const MeshRequest::SizedMesh& given);
   void take_regions(const MeshRequest& request);
+  void check_sizes(const MeshRequest& request) const;
 
-  Result build(double cell_size, const Mesh3Options& mesh3, const ImproveOptions& options) const;
+  using Sizes = std::shared_ptr<const SizeField>;  // none where all cells are to have one size
+  Sizes size_field(double cell_size) const;
+  Result build(double cell_size, const Sizes& sizes, const Mesh3Options& mesh3,
+               const ImproveOptions& options) const;
   std::optional<Thinning> thinning(double cell_size) const;
-  // None where all cells are to have one size.
-  std::shared_ptr<const SizeField> size_field(double cell_size) const;
   std::vector<Inside> lattice(const Sizing& sizing) const;
-  TetMesh refine(double cell_size, const Mesh3Options& options) const;
+  TetMesh refine(double cell_size, const Sizes& sizes, const Mesh3Options& options) const;
   void assign_labels(TetMesh& mesh) const;
 
   bool by_fields_ = true;
