@@ -13,11 +13,11 @@
 #include <limits>
 
 #include "sim/base/refusal.hpp"
-#include "sim/model/surface.hpp"
 #include "sim/solvers/fem/contact.hpp"
 #include "sim/solvers/fem/diagnostics.hpp"
 #include "sim/solvers/fem/effect.hpp"
 #include "sim/solvers/fem/hyperelastic.hpp"
+#include "sim/solvers/fem/kept_nodes.hpp"
 #include "sim/solvers/fem/mass.hpp"
 #include "sim/solvers/fem/newton.hpp"
 #include "sim/solvers/fem/nodes.hpp"
@@ -76,18 +76,6 @@ bool is_inverted(const FemElement<4>& tet, const NodeField& u) {
   return 1.0 + NeoHookean::volume_strain(gradient_at<4>(tet.nodes, tet.points[0], u)) <= 0.0;
 }
 
-// Each edge of a closed surface once, its ends in ascending order: its other face turns it round.
-std::vector<std::array<int, 2>> edges_of(const std::vector<Triangle>& faces) {
-  std::vector<std::array<int, 2>> edges;
-  for (const Triangle& face : faces) {
-    for (int i = 0; i < 3; ++i) {
-      const int a = face[i], b = face[(i + 1) % 3];
-      if (a < b) edges.push_back({a, b});
-    }
-  }
-  return edges;
-}
-
 std::vector<double> times(double factor, std::vector<double> numbers) {
   for (double& number : numbers) number *= factor;
   return numbers;
@@ -99,6 +87,7 @@ class FemSolver final : public Solver, public FemRest {
       : options_(checked(options.fem)),
         is_smooth_(order_of(scene, options) == 2),
         mesh_(model, options_.order),
+        of_linear_tets_(model, mesh_),
         program_(mesh_.body(model), checked(scene)),
         system_(held_nodes(mesh_, program_), options_.linear),
         stiffness_(mesh_.node_count()),
@@ -106,7 +95,6 @@ class FemSolver final : public Solver, public FemRest {
         u_(mesh_.node_count()),
         v_(mesh_.node_count()),
         size_(model.size()) {
-    if (mesh_.order == 2) surface_edges_ = edges_of(boundary_faces(model));
     weight_ = free_masses(mesh_, system_);
     begin_anew();
     take_stiffness(model);
@@ -143,12 +131,12 @@ class FemSolver final : public Solver, public FemRest {
     const auto n = vertex_count();
     State state{{u_.begin(), u_.begin() + n}, {v_.begin(), v_.begin() + n}, step_};
     for (const NodeField* field : {&u_, &v_})
-      append(field->begin() + n, field->end(), state.history);
+      append_vectors(field->begin() + n, field->end(), state.history);
     if (is_smooth_) {
       Program<double>::save_added({last_.begin(), last_.begin() + n}, state);
       for (auto last = last_.begin() + n; last != last_.end(); ++last) {
-        append(&last->u, &last->u + 1, state.history);
-        append(&last->v, &last->v + 1, state.history);
+        append_vectors(&last->u, &last->u + 1, state.history);
+        append_vectors(&last->v, &last->v + 1, state.history);
       }
       state.history.insert(state.history.end(), {last_s_, static_cast<double>(length_.longest())});
     }
@@ -160,8 +148,8 @@ class FemSolver final : public Solver, public FemRest {
     std::span<const double> history = take_nodes(state, u_, v_);
     begin_anew();
     if (has_past) take_past(state, history);
-    const std::vector<double> shared_out = contact_of_linear_tets(state);
-    if (!shared_out.empty()) history = shared_out;
+    std::vector<double> shared_out;
+    if (is_of_linear_tets(state)) history = shared_out = of_linear_tets_.on_nodes(state.history);
     knows_contact_ = !history.empty();
     for (const auto& term : terms_) term->load_history(history);
     step_ = state.step;
@@ -227,58 +215,14 @@ class FemSolver final : public Solver, public FemRest {
 
   std::ptrdiff_t vertex_count() const { return static_cast<std::ptrdiff_t>(program_.rest.size()); }
 
-  template <class Iterator>
-  static void append(Iterator begin, Iterator end, std::vector<double>& history) {
-    for (; begin != end; ++begin) history.insert(history.end(), {begin->x, begin->y, begin->z});
+  bool is_of_linear_tets(const State& state) const {
+    return of_linear_tets_.is(state.history, terms_.size() - first_contact_);
   }
-  static Vec3<double> take_vector(std::span<const double>& history) {
-    const Vec3<double> front{history[0], history[1], history[2]};
-    history = history.subspan(3);
-    return front;
-  }
-
   // What a state knows of all nodes; returns what is left of its history.
   std::span<const double> take_nodes(const State& state, NodeField& u, NodeField& v) const {
     std::span<const double> history = state.history;
-    if (is_of_linear_tets(history)) history = {};
-    u = mesh_.on_nodes(state.u), v = mesh_.on_nodes(state.v);
-    for (NodeField* field : {&u, &v}) {
-      for (std::size_t i = program_.rest.size(); i < field->size() && !history.empty(); ++i) {
-        (*field)[i] = take_vector(history);
-      }
-    }
-    return history;
-  }
-
-  // Whether what a state keeps are the contact multipliers of linear tets, by vertex and obstacle.
-  bool is_of_linear_tets(std::span<const double> history) const {
-    const std::size_t obstacles = terms_.size() - first_contact_;
-    return mesh_.order == 2 && obstacles > 0 &&
-           history.size() == obstacles * contact_history * program_.rest.size();
-  }
-  // These on the nodes of quadratic tets. Where linear tets have a pressure on their vertices,
-  // quadratic ones have it on the middles of the surface's edges (model/selection.hpp, PatchNodes):
-  // a vertex gives to those of its edges in equal shares.
-  std::vector<double> contact_of_linear_tets(const State& state) const {
-    std::vector<double> on_nodes;
-    if (!is_of_linear_tets(state.history)) return on_nodes;
-    const std::size_t vertices = program_.rest.size();
-    std::vector<int> edges_at(vertices, 0);
-    for (const auto& edge : surface_edges_) ++edges_at[edge[0]], ++edges_at[edge[1]];
-    for (std::size_t begin = 0; begin < state.history.size(); begin += contact_history * vertices) {
-      const std::size_t to = on_nodes.size();
-      on_nodes.resize(to + contact_history * mesh_.node_count());
-      for (const auto& edge : surface_edges_) {
-        const std::size_t middle = mesh_.midsides.at(edge);
-        for (const int v : edge) {
-          for (std::size_t k = 0; k < contact_history; ++k) {
-            on_nodes[to + contact_history * middle + k] +=
-                state.history[begin + contact_history * v + k] / edges_at[v];
-          }
-        }
-      }
-    }
-    return on_nodes;
+    if (is_of_linear_tets(state)) history = {};
+    return sim::take_nodes(mesh_, state, history, u, v);
   }
 
   // What the last step has added to midside nodes, its length and that of the next.
@@ -585,14 +529,14 @@ class FemSolver final : public Solver, public FemRest {
   const FemOptions options_;
   const bool is_smooth_;  // steps are of second order
   FemMesh mesh_;
+  ContactOfLinearTets of_linear_tets_;
   SmoothedNeoHookean::Params smoothed_;  // of smoothed elements, with their domains
   Program<double> program_;
   FemSystem system_;
   std::vector<double> elastic_, stiffness_, penalty_;  // [nodes] N/m; the second with inertia
   FemNewton::Terms terms_;
-  std::vector<std::array<int, 2>> surface_edges_;  // where tets are quadratic
-  std::size_t first_contact_ = 0;                  // of the terms, which are the last
-  bool knows_contact_ = true;  // whether their multipliers are of the state at hand
+  std::size_t first_contact_ = 0;  // of the terms, which are the last
+  bool knows_contact_ = true;      // whether their multipliers are of the state at hand
   MassTerm* mass_ = nullptr;
   FemNewton newton_;
   NodeField u_, v_;                  // [nodes] m, m/s
