@@ -3,6 +3,7 @@
 // averaged (partition.hpp). Made on the host, laid out as a device reads it.
 #pragma once
 
+#include <algorithm>
 #include <climits>
 #include <map>
 
@@ -133,6 +134,21 @@ struct BlockElements : Placement<Effect::arity> {
   }
 };
 
+// Tets as blocks have them, each in the first one that touches all of its vertices.
+struct BlockTets {
+  std::vector<int> begin = {0};           // [blocks + 1] first tet
+  std::vector<int> tets;                  // in the order of the blocks, then of the mesh
+  std::vector<LocalVertices<4>> corners;  // [tets] counted from the block's first local vertex
+
+  int most() const {
+    int result = 0;
+    for (std::size_t block = 1; block < begin.size(); ++block) {
+      result = std::max(result, begin[block] - begin[block - 1]);
+    }
+    return result;
+  }
+};
+
 // A vertex as one block has it: one or several replicas, each with its share of the mass.
 struct LocalVertex {
   int vertex;
@@ -202,6 +218,33 @@ class BlockLayout {
   Range shared_in(int block) const { return {local_begin_[block], shared_end_[block]}; }
   // Of one vertex, in the order of their blocks.
   const std::vector<int>& locals_of(int vertex) const { return locals_of_[vertex]; }
+
+  // A tet that no block touches as a whole is left out: none of a body whose elements are tets, or
+  // domains of whole tets.
+  BlockTets tets_in_blocks(std::span<const Tet> tets) const {
+    std::vector<std::vector<int>> members(block_count());
+    for (std::size_t t = 0; t < tets.size(); ++t) {
+      for (const int local : locals_of(tets[t][0])) {
+        const int block = block_of_local(local);
+        const auto touches = [&](int v) { return local_in(block, v) >= 0; };
+        if (!std::ranges::all_of(tets[t], touches)) continue;
+        members[block].push_back(static_cast<int>(t));
+        break;
+      }
+    }
+    BlockTets result;
+    for (int block = 0; block < block_count(); ++block) {
+      for (const int t : members[block]) {
+        LocalVertices<4>& corners = result.corners.emplace_back();
+        for (int i = 0; i < 4; ++i) {
+          corners.set(i, local_in(block, tets[t][i]) - local_begin_[block]);
+        }
+        result.tets.push_back(t);
+      }
+      result.begin.push_back(static_cast<int>(result.tets.size()));
+    }
+    return result;
+  }
 
   template <class T>
   LocalConstants<T> constants(const Program<T>& program) const {
@@ -305,6 +348,18 @@ class BlockLayout {
   void mobilities(const Program<T>& program, const std::array<int, arity>& vertices,
                   T (&mobility)[arity]) const {
     for (std::size_t i = 0; i < arity; ++i) mobility[i] = mobility_of(program, vertices[i]);
+  }
+
+  int block_of_local(int local) const {
+    return static_cast<int>(std::ranges::upper_bound(local_begin_, local) - local_begin_.begin()) -
+           1;
+  }
+  // -1: the block does not touch the vertex.
+  int local_in(int block, int vertex) const {
+    for (const int local : locals_of(vertex)) {
+      if (block_of_local(local) == block) return local;
+    }
+    return -1;
   }
 
   // Whether the next place names the same vertex, as in elements with fewer than there are places

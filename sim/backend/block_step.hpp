@@ -7,6 +7,7 @@
 #include "sim/backend/planes.hpp"
 #include "sim/base/row.hpp"
 #include "sim/solvers/xpbd/linearized.hpp"
+#include "sim/solvers/xpbd/volume_bound.hpp"
 
 namespace viscera::sim {
 
@@ -333,6 +334,51 @@ SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const 
   end_vertex(d, scene.dt, now.u.v, now.v);
   x.v[i] = now.v;
   now.for_each_replica([&](int replica) { x.u[replica] = now.u; });
+}
+
+// A tet on its way through the sweep of its block. What the block has of a vertex goes together: at
+// the mean of its replicas, with the mobility of all of their masses.
+template <class T>
+SIM_HD MovingTet<T> moving_tet(const BlockVertices<T>& x, const LocalVertices<4>& corners,
+                               const Mat3<T>& rest_inverse) {
+  MovingTet<T> tet{.rest_inverse = rest_inverse};
+  for (int i = 0; i < 4; ++i) {
+    const ReplicaRange replicas = x.replicas[corners[i]];
+    const T part = T(1) / static_cast<T>(replicas.count);
+    tet.u[i] = x.u[replicas.begin].v;
+    tet.w[i] = part * x.d[replicas.begin].w;
+    for (int k = 0; k < replicas.count; ++k) tet.d[i] += part * x.d[replicas.begin + k].v;
+  }
+  return tet;
+}
+
+// Whether a tet is near the bound on compression at the start of a substep, or where the velocity
+// would lead it within `substeps` of them.
+template <class T>
+SIM_HD bool is_near_bound(const BlockVertices<T>& x, const LocalVertices<4>& corners,
+                          const Mat3<T>& rest_inverse, T dt, int substeps) {
+  constexpr T near_strain = T(VolumeBound::watched - 1.0);
+  MovingTet<T> tet{.rest_inverse = rest_inverse};
+  for (int i = 0; i < 4; ++i) {
+    tet.u[i] = x.u[x.replicas[corners[i]].begin].v;
+    tet.d[i] = (static_cast<T>(substeps) * dt) * x.v[corners[i]];
+  }
+  return tet.strain_before() < near_strain || tet.strain_after() < near_strain;
+}
+
+// The bound's first part, as one more element of the block's sweep; returns whether it acted.
+template <class T>
+SIM_HD bool push_tet(const BlockVertices<T>& x, const LocalVertices<4>& corners,
+                     const Mat3<T>& rest_inverse) {
+  MovingTet<T> tet = moving_tet(x, corners, rest_inverse);
+  const Vec3<T> before[4] = {tet.d[0], tet.d[1], tet.d[2], tet.d[3]};
+  if (!tet.push()) return false;
+  for (int i = 0; i < 4; ++i) {
+    const ReplicaRange replicas = x.replicas[corners[i]];
+    const Vec3<T> move = tet.d[i] - before[i];
+    for (int k = 0; k < replicas.count; ++k) x.d[replicas.begin + k].v += move;
+  }
+  return true;
 }
 
 // Displacements of an element's vertices, with their mobilities, from the rows of all replicas.

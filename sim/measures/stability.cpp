@@ -29,12 +29,6 @@ Shape shape_of(const Mat3<double>& rest_inverse) {
   return {1.0 / steepest, squares};
 }
 
-double shear_number(const Model& model, std::size_t tet, double dt) {
-  const Material material = model.material(tet);
-  const double speed = std::sqrt(lame(material).mu / material.density);
-  return dt * speed / shape_of(model.rest_inverse[tet]).altitude;
-}
-
 // Of the position based effects only the Neo-Hookean block and Prony branches have a limit.
 bool is_limited(const Scene& scene, std::size_t tet) {
   const auto acts = [tet](const auto& law) { return NeoHookean::acts_on(law, tet); };
@@ -127,6 +121,12 @@ void keep_accuracy(const Model& model, Scene& scene) {
 }
 
 }  // namespace
+
+double shear_number(const Model& model, std::size_t tet, double dt) {
+  const Material material = model.material(tet);
+  const double speed = std::sqrt(lame(material).mu / material.density);
+  return dt * speed / shape_of(model.rest_inverse[tet]).altitude;
+}
 
 double squared_gradients(const Mat3<double>& rest_inverse) {
   return shape_of(rest_inverse).spread;

@@ -56,6 +56,8 @@ struct Stability {
   std::size_t switched = 0;      // tets that the corotational law has from Neo-Hookean elasticity
 };
 
+// Cs of one tet; dt in s.
+double shear_number(const Model& model, std::size_t tet, double dt);
 // sum |g_i|^2 of a tet with this B, 1/m2.
 double squared_gradients(const Mat3<double>& rest_inverse);
 

@@ -16,6 +16,8 @@ class HostBlocks final : public Solver {
         layout_(model, program_, tets_per_block, team),
         linearized_(linearized),
         constants_(layout_.constants(program_)),
+        bounded_(model, scene, Method::xpbd),
+        bounded_in_blocks_(layout_.tets_in_blocks(bounded_.vertices)),
         v_(layout_.locals().size()),
         u_(layout_.replicas_in(layout_.block_count() - 1).end),
         d_(u_.size()),
@@ -62,6 +64,7 @@ class HostBlocks final : public Solver {
               for (int i = 0; i < x.count; ++i) load_local(scenes_[block], step, x, i);
             },
             [&] { offset_replicas(x, 0, 1); });
+        push_tets(block, x);
         for (int i = 0; i < x.count; ++i) {
           sums.push_back(sum_of_replicas(scenes_[block], x, VertexNow<T>(x, i)));
         }
@@ -93,6 +96,7 @@ class HostBlocks final : public Solver {
     return state;
   }
   void set_state(const State& state) override {
+    bound_acts_ = bounded_.begins_at(state);
     for (int block = 0; block < layout_.block_count(); ++block) {
       for_each_local(block, [&](const auto& x, int i, int vertex) {
         VertexNow<T>(x, i).for_each_replica(
@@ -197,6 +201,20 @@ class HostBlocks final : public Solver {
     for (int i = 0; i < x.count; ++i) function(x, i, layout_.locals()[first + i].vertex);
   }
 
+  // Of all tets, where a device lists those near the bound.
+  void push_tets(int block, const BlockVertices<T>& x) {
+    if (!bound_acts_) return;
+    bool any = true;
+    for (int pass = 0; any && pass < VolumeBound::pushes; ++pass) {
+      any = false;
+      for (int t = bounded_in_blocks_.begin[block]; t < bounded_in_blocks_.begin[block + 1]; ++t) {
+        any = push_tet(x, bounded_in_blocks_.corners[t],
+                       bounded_.rest_inverse[bounded_in_blocks_.tets[t]]) ||
+              any;
+      }
+    }
+  }
+
   template <class Effect>
   void sweep(const BlockView<Effect, T>& view, const BlockVertices<T>& x) {
     constexpr int arity = Effect::arity;
@@ -233,6 +251,9 @@ class HostBlocks final : public Solver {
   std::uint64_t step_ = 0;
   int contacts_ = 0;  // contact effects named
   LocalConstants<T> constants_;
+  BoundedTets<T> bounded_;
+  BlockTets bounded_in_blocks_;
+  bool bound_acts_ = true;
   std::vector<Vec3<T>> v_, corrections_;
   std::vector<Row<T>> u_, d_;
   std::vector<Vec3<T>> duals_;

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "sim/backend/block_step.hpp"
+#include "sim/element_choice.hpp"
 #include "sim/measures/stability.hpp"
 #include "sim/scene/diagnostics.hpp"
 #include "tests/backend/host_blocks.hpp"
@@ -203,6 +204,95 @@ TEST(BlockLayout, AVertexWithoutElementsHasAReplica) {
   const Program<double> program(model, particle_scene());
   const BlockLayout layout(model, program, tets_per_block, {32, 16});
   EXPECT_EQ(layout.locals().size(), model.vertex_count());
+}
+
+// Of linear tets and of smoothed ones, whose domains a block has whole.
+TEST(BlockLayout, EveryTetIsInOneBlockThatTouchesAllOfItsVertices) {
+  const Model model = make_cube(5);
+  for (const Element element : {Element::linear, Element::smoothed}) {
+    Scene scene = elastic_scene();
+    set_element(scene.effects, element, soft_tissue.poisson_ratio);
+    const Program<double> program(model, scene);
+    const BlockLayout layout(model, program, tets_per_block, team_for(tets_per_block, 625));
+    const BlockTets in_blocks = layout.tets_in_blocks(model.tets);
+    ASSERT_EQ(static_cast<int>(in_blocks.begin.size()), layout.block_count() + 1);
+    EXPECT_GT(layout.block_count(), 5);
+    std::set<int> found;
+    for (int block = 0; block < layout.block_count(); ++block) {
+      const Range locals = layout.locals_in(block);
+      for (int at = in_blocks.begin[block]; at < in_blocks.begin[block + 1]; ++at) {
+        const int t = in_blocks.tets[at];
+        EXPECT_TRUE(found.insert(t).second) << "tet " << t << " is there twice";
+        for (int i = 0; i < 4; ++i) {
+          const int local = locals.begin + in_blocks.corners[at][i];
+          ASSERT_LT(local, locals.end);
+          EXPECT_EQ(layout.locals()[local].vertex, model.tets[t][i]);
+        }
+      }
+    }
+    EXPECT_EQ(found.size(), model.tet_count());
+  }
+}
+
+// The bound on compression within a sweep, of tets whose vertices have replicas here and elsewhere:
+// what the block has of a vertex goes together, and no push gives the body momentum.
+TEST(Blocks, ATetPressedFlatIsPushedOpenWithAllReplicasOfItsVertices) {
+  const Model model = make_cube(5);
+  const Program<double> program(model, elastic_scene());
+  const BlockLayout layout(model, program, tets_per_block, {one_warp, 3});
+  const BlockTets in_blocks = layout.tets_in_blocks(model.tets);
+  const LocalConstants<double> constants = layout.constants(program);
+  std::size_t in_several = 0;
+  for (int block = 0; block < layout.block_count(); ++block) {
+    const Range locals = layout.locals_in(block), replicas = layout.replicas_in(block);
+    std::vector<Row<double>> u(replicas.end - replicas.begin), d(u.size());
+    BlockVertices<double> x{.u = u.data(),
+                            .d = d.data(),
+                            .replicas = constants.replicas.data() + locals.begin,
+                            .count = locals.end - locals.begin};
+    for (int at = in_blocks.begin[block]; at < in_blocks.begin[block + 1]; ++at) {
+      const LocalVertices<4> corners = in_blocks.corners[at];
+      const Mat3<double>& rest_inverse = model.rest_inverse[in_blocks.tets[at]];
+      std::ranges::fill(d, Row<double>{});
+      for (int i = 0; i < 4; ++i) {
+        const ReplicaRange own = x.replicas[corners[i]];
+        in_several += own.count > 1;
+        for (int k = 0; k < own.count; ++k)
+          d[own.begin + k].w = constants.mobility[locals.begin + corners[i]];
+      }
+      // The first corner nearly as far as the face opposite, its replicas apart from one another.
+      const Tet& tet = model.tets[in_blocks.tets[at]];
+      const Vec3<double> way =
+          (1.0 / 3.0) * (model.rest[tet[1]] + model.rest[tet[2]] + model.rest[tet[3]]) -
+          model.rest[tet[0]];
+      const ReplicaRange first = x.replicas[corners[0]];
+      for (int k = 0; k < first.count; ++k)
+        d[first.begin + k].v = (0.9 + 0.1 * (k - 0.5 * (first.count - 1))) * way;
+      const auto momentum = [&d] {
+        Vec3<double> sum;
+        for (const auto& row : d)
+          if (row.w > 0.0) sum += (1.0 / row.w) * row.v;
+        return sum;
+      };
+      const std::vector<Row<double>> before = d;
+      const Vec3<double> momentum_before = momentum();
+      ASSERT_NEAR(1.0 + moving_tet(x, corners, rest_inverse).strain_after(), 0.1, 1e-9);
+      int pushes = 0;
+      while (push_tet(x, corners, rest_inverse)) ASSERT_LE(++pushes, 2 * VolumeBound::pushes);
+      EXPECT_GT(pushes, 0);
+      EXPECT_GE(1.0 + moving_tet(x, corners, rest_inverse).strain_after(),
+                VolumeBound::least - VolumeBound::tolerance);
+      EXPECT_LE(norm(momentum() - momentum_before), 1e-12 * norm(momentum_before));
+      for (int i = 0; i < 4; ++i) {
+        const ReplicaRange own = x.replicas[corners[i]];
+        for (int k = 1; k < own.count; ++k) {
+          const auto moved = [&](int replica) { return d[replica].v - before[replica].v; };
+          EXPECT_LE(norm(moved(own.begin + k) - moved(own.begin)), 1e-15);
+        }
+      }
+    }
+  }
+  EXPECT_GT(in_several, 100u);
 }
 
 TEST(Blocks, ABodyWithoutForcesStaysStill) {

@@ -1,31 +1,41 @@
-// The bound on compression (solvers/xpbd/volume_bound.hpp) for blocks on a device. It acts after
-// each substep, and a frame of blocks is one launch, within which nothing can. Most frames have no
-// tet near the bound, so a frame is first run as a whole. If it ends with a tet below the bound, it
-// is run again from its start, substep by substep, with the bound after each; a frame that begins
-// with a tet at the bound is run like that at once. Both decisions follow from states at the
-// borders of frames, so a run goes on from a checkpoint to the same bits. A tet that is below the
-// bound for some substeps, and above it again at the end of the frame, is left to the law.
+// The bound on compression (solvers/xpbd/volume_bound.hpp) for blocks on a device. Its first part
+// is one more element of a block's sweep (push_tet in block_step.hpp). Other blocks know of a push
+// by the average alone, so that in a steady state a tet with vertices in several stays below J_min
+// by what one substep would press it: little, unless substeps are long. The other parts need all
+// blocks, and a frame of blocks is one launch. So a frame is first run as a whole. If it ends with
+// a tet below J_halt, it is run again from its start, substep by substep, with the whole bound
+// after each; a frame that begins with a tet there is run like that at once. For a tet whose own Cs
+// (stability.hpp) is above `long_step` J_min takes J_halt's place. Both decisions follow from
+// states at the borders of frames, so a run goes on from a checkpoint to the same bits. A tet that
+// is below the limit for some substeps, and above it again at the end of the frame, is left to the
+// law and to the first part.
 #pragma once
 
 #include <optional>
 
-#include "sim/backend/block_layout.hpp"
+#include "sim/backend/cuda/block_kernel.cuh"
 #include "sim/backend/cuda/volume_bound.cuh"
+#include "sim/measures/stability.hpp"
 
 namespace viscera::sim {
+
+// Measured: at rest tets of Cs .5 then lie at J .23 to .30, of .6 and more below .2
+// (docs/results/cuda.md).
+inline constexpr double long_step = 0.5;
+
+using Members = std::vector<unsigned char>;  // [members] whether each is meant
 
 // How many tets of a member are at the end of a frame ...
 struct VolumeCounts {
   int watched;   // below VolumeBound::watched
-  int at_bound;  // at the bound or below it
+  int at_limit;  // at the limit of the first part, or below it
   int below;     // below it
 };
 
 // J of each tet of each member at the end of a frame; [members] counts, which begin at zero.
 template <class T>
 __global__ void count_volumes(int count, const Tet* locals_of_tet, const Mat3<T>* rest,
-                              const Vec3<T>* u, int locals, VolumeCounts* counts) {
-  constexpr T at_bound = T(VolumeBound::least - 1.0 + 0.01);
+                              const Vec3<T>* u, int locals, const T* limits, VolumeCounts* counts) {
   const int t = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (t >= count) return;
   const std::size_t member = blockIdx.y;
@@ -34,8 +44,9 @@ __global__ void count_volumes(int count, const Tet* locals_of_tet, const Mat3<T>
   const T strain = NeoHookean::volume_strain(displacement_gradient(corners, rest[t]));
   if (!(strain < T(VolumeBound::watched - 1.0))) return;
   atomicAdd(&counts[member].watched, 1);
-  if (strain < at_bound) atomicAdd(&counts[member].at_bound, 1);
-  if (strain < T(VolumeBound::least - 1.0 - VolumeBound::tolerance)) {
+  const T limit = limits[member * count + t];
+  if (strain < limit + T(0.01)) atomicAdd(&counts[member].at_limit, 1);
+  if (strain < limit - T(VolumeBound::tolerance)) {
     atomicAdd(&counts[member].below, 1);
   }
 }
@@ -89,27 +100,50 @@ class CudaBlockBound {
     inverse_mass_ = DeviceArray<T>(program.inverse_mass);
     before_ = DeviceArray<Vec3<T>>(vertices_);
     d_ = DeviceArray<Vec3<T>>(vertices_);
+    limits_ = DeviceArray<T>(members * tets_.vertices.size());
     counts_ = DeviceArray<VolumeCounts>(members);
     found_.resize(members);
     acts_.assign(members, 1);
+    acts_there_ = DeviceArray<unsigned char>(acts_);
     corrections_.resize(members);
+    const BlockTets in_blocks = layout.tets_in_blocks(tets_.vertices);
+    std::vector<Mat3<T>> rest_inverse;
+    for (const int t : in_blocks.tets) rest_inverse.push_back(tets_.rest_inverse[t]);
+    most_of_a_block_ = in_blocks.most();
+    begin_ = DeviceArray<int>(in_blocks.begin);
+    corners_ = DeviceArray<LocalVertices<4>>(in_blocks.corners);
+    rest_inverse_ = DeviceArray<Mat3<T>>(rest_inverse);
   }
 
   static std::size_t bytes(const BoundedTets<T>& tets, std::size_t vertices, std::size_t locals) {
     if (tets.vertices.empty()) return 0;
-    return CudaVolumeBound<T>::bytes(tets, vertices) + tets.vertices.size() * sizeof(Tet) +
+    return CudaVolumeBound<T>::bytes(tets, vertices) +
+           tets.vertices.size() * (sizeof(Tet) + sizeof(LocalVertices<4>) + sizeof(Mat3<T>)) +
            vertices * (2 * sizeof(Vec3<T>) + sizeof(T) + sizeof(int)) + locals * sizeof(int);
   }
 
   bool is_empty() const { return tets_.vertices.empty(); }
-  // Of a member for which the bound acts.
-  bool is_reached() const { return any(&VolumeCounts::at_bound); }
-  bool is_passed() const { return any(&VolumeCounts::below); }
+  // To be told of each member.
+  void set_model(int member, const Model& model) {
+    std::vector<T> limits;
+    for (std::size_t t = 0; t < tets_.vertices.size(); ++t) {
+      const bool is_long = shear_number(model, t, dt_) > long_step;
+      limits.push_back(static_cast<T>((is_long ? VolumeBound::least : VolumeBound::halted) - 1.0));
+    }
+    limits_.upload(limits, member * limits.size());
+  }
+  // What acts within a frame.
+  BoundView<T> view() const {
+    return {begin_.get(), corners_.get(), rest_inverse_.get(), acts_there_.get(), most_of_a_block_};
+  }
+  // Members for which the bound acts and that have a tet there.
+  Members at_limit() const { return members_with(&VolumeCounts::at_limit); }
+  Members below_limit() const { return members_with(&VolumeCounts::below); }
 
   void begin_at(int member, const State& state, const Stream& stream) {
     if (is_empty()) return;
     count(stream);
-    acts_[member] = tets_.begins_at(state);
+    set_acts(member, tets_.begins_at(state));
   }
 
   // Looks at the end of a frame.
@@ -120,7 +154,7 @@ class CudaBlockBound {
     check(cudaMemsetAsync(counts_.get(), 0, counts_.size() * sizeof(VolumeCounts), stream),
           "clearing");
     count_volumes<T><<<grid, width, 0, stream>>>(tets, locals_of_tet_.get(), bound_->rest_inverse(),
-                                                 u_, locals_, counts_.get());
+                                                 u_, locals_, limits_.get(), counts_.get());
     check(cudaMemcpyAsync(found_.data(), counts_.get(), counts_.size() * sizeof(VolumeCounts),
                           cudaMemcpyDeviceToHost, stream),
           "downloading");
@@ -129,15 +163,15 @@ class CudaBlockBound {
   // What the end of a frame says of the next.
   void end_frame() {
     for (std::size_t member = 0; member < found_.size(); ++member) {
-      acts_[member] =
-          VolumeBound::goes_on(acts_[member], found_[member].watched, tets_.vertices.size());
+      set_acts(static_cast<int>(member),
+               VolumeBound::goes_on(acts_[member], found_[member].watched, tets_.vertices.size()));
     }
   }
 
-  // After a substep.
-  void correct(const Stream& stream) {
+  // After a substep of these.
+  void correct(const Members& members, const Stream& stream) {
     for (std::size_t member = 0; member < found_.size(); ++member) {
-      if (!acts_[member]) continue;
+      if (!members[member]) continue;
       Graph& graph = corrections_[member];
       if (graph.size() == 0) {
         graph = Graph(stream, [&] { enqueue_corrections(stream, member * locals_); });
@@ -147,11 +181,17 @@ class CudaBlockBound {
   }
 
  private:
-  bool any(int VolumeCounts::*which) const {
+  void set_acts(int member, bool acts) {
+    if (acts == static_cast<bool>(acts_[member])) return;
+    acts_[member] = acts;
+    acts_there_.upload({acts_[member]}, member);
+  }
+  Members members_with(int VolumeCounts::*which) const {
+    Members members(found_.size());
     for (std::size_t member = 0; member < found_.size(); ++member) {
-      if (acts_[member] && found_[member].*which > 0) return true;
+      members[member] = acts_[member] && found_[member].*which > 0;
     }
-    return false;
+    return members;
   }
 
   void enqueue_corrections(cudaStream_t stream, std::size_t first) const {
@@ -174,10 +214,17 @@ class CudaBlockBound {
   DeviceArray<int> vertex_of_;  // [locals]
   DeviceArray<T> inverse_mass_;
   DeviceArray<Vec3<T>> before_, d_;  // [vertices] m, of a member's substep
+  DeviceArray<T> limits_;  // [members * tets] of J - 1, what the first part alone has to keep
   DeviceArray<VolumeCounts> counts_;
   std::vector<VolumeCounts> found_;  // [members] at the end of the last frame
-  std::vector<char> acts_;           // [members] in the next
-  std::vector<Graph> corrections_;   // [members] those that were needed
+  Members acts_;                     // in the next
+  DeviceArray<unsigned char> acts_there_;
+  // Of the tets in blocks: BoundView has their shapes.
+  int most_of_a_block_ = 0;
+  DeviceArray<int> begin_;
+  DeviceArray<LocalVertices<4>> corners_;
+  DeviceArray<Mat3<T>> rest_inverse_;
+  std::vector<Graph> corrections_;  // [members] those that were needed
 };
 
 }  // namespace viscera::sim

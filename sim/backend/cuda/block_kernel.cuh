@@ -26,6 +26,22 @@ inline constexpr EffectSet smoothed_tissue =
 // With groups of tets for the volume.
 inline constexpr EffectSet grouped_tissue = smoothed_tissue | effect_set<GroupedVolume>;
 
+// The tets of each block that the bound on compression is for; without any, all null.
+template <class T>
+struct BoundView {
+  const int* begin;  // [blocks + 1] first tet
+  const LocalVertices<4>* corners;
+  const Mat3<T>* rest_inverse;  // 1/m
+  const unsigned char* acts;    // [members]
+  int most;                     // of a block
+
+  // Of those near the bound a block lists so many: a share of its shared memory.
+  static constexpr int longest_list = 512;
+  __host__ __device__ std::size_t list_size() const {
+    return most > 0 ? 1 + (most < longest_list ? most : longest_list) : 0;
+  }
+};
+
 // What a frame's kernel is given; arrays over the local vertices of all blocks unless said
 // otherwise. A grid runs the blocks of the first member, then those of the next.
 template <class T>
@@ -51,6 +67,7 @@ struct Frame {
   Message<T>* messages;       // [members * 2 * locals]
   unsigned char* touching;    // [members * contacts * locals] at the end of the frame
   unsigned long long* ahead;  // [members] substeps that it has done beyond `done`
+  const unsigned char* runs;  // [members] whether it takes part in this launch
   unsigned long long done;    // substeps
   double dt;
   int substeps;
@@ -59,6 +76,8 @@ struct Frame {
   int blocks;        // of a member
   int first_member;  // of the grid
   int contacts;      // contact effects named
+  BoundView<T> bound;
+  bool pushes;  // whether the bound's first part acts within this launch
   int max_locals, max_shared, max_replicas, max_duals, max_gathered, max_table;  // of a block
   int team;                                                                      // lanes that sweep
   bool linearizes;    // elements before a sweep, side by side: where a phase costs its latency
@@ -68,6 +87,10 @@ struct Frame {
 template <class Count>
 __host__ __device__ constexpr Count round_up(Count count, Count unit) {
   return (count + unit - 1) / unit * unit;
+}
+
+__host__ __device__ constexpr int words_of(int bits) {
+  return (bits + 31) / 32;
 }
 
 // Where a pointer leads: what the compiler knows it loads by shorter instructions.
@@ -350,6 +373,8 @@ struct BlockMemory {
   int* from_begin;         // [shared + 1]
   int* from;               // [gathered]
   int* table;              // of the element effects' phases
+  unsigned* near_bound;    // [tets / 32] a bit each: whether it is near the bound on compression
+  std::uint16_t* watched;  // how many are, and which, counted from the block's first
   unsigned char* views;    // of all effects, one kind after the other
   unsigned char* work;     // for elements
 
@@ -373,6 +398,8 @@ struct BlockMemory {
     from_begin = take<int>(at, frame.max_shared + 1);
     from = take<int>(at, frame.max_gathered);
     table = take<int>(at, frame.max_table);
+    near_bound = take<unsigned>(at, words_of(frame.bound.most));
+    watched = take<std::uint16_t>(at, frame.bound.list_size());
     views = at;
     Effects::for_each([&]<class Effect, std::size_t>() {
       const Views<EffectView<Effect, T>>& all = frame.effects;
@@ -406,6 +433,71 @@ __device__ BlockScene<T> scene_of_block(const Frame<T>& frame, int member, int b
   });
   scene.dt = static_cast<T>(frame.dt);
   return scene;
+}
+
+// Marks the tets of a block that are near the bound on compression, by the threads from `first` on.
+// A function of its own, as the next: the sweep has few registers to spare.
+template <class T>
+__device__ __noinline__ void watch_volumes(const BoundView<T>& bound, int block, T dt,
+                                           BlockVertices<T> x, unsigned* near_bound, int first) {
+  const int begin = bound.begin[block], count = bound.begin[block + 1] - begin;
+  const int lane = static_cast<int>(threadIdx.x), lanes = static_cast<int>(blockDim.x);
+  for (int t = lane - first; t < words_of(count) * one_warp; t += lanes - first) {
+    const bool is_near =
+        t < count && is_near_bound(x, bound.corners[begin + t], bound.rest_inverse[begin + t], dt,
+                                   VolumeBound::scan_every);
+    const unsigned word = __ballot_sync(~0u, is_near);
+    if (t % one_warp == 0) near_bound[t / one_warp] = word;
+  }
+}
+
+// By one warp: the marked tets in their order, and before them how many there are.
+template <class T>
+__device__ __noinline__ void list_marked(const BoundView<T>& bound, int block,
+                                         const unsigned* near_bound, std::uint16_t* watched) {
+  const int lane = static_cast<int>(threadIdx.x);
+  const int words = words_of(bound.begin[block + 1] - bound.begin[block]);
+  int listed = 0;
+  for (int from = 0; from < words; from += one_warp) {
+    unsigned word = from + lane < words ? near_bound[from + lane] : 0u;
+    const int here = __popc(word);
+    int end = here;  // of this lane's part of the list
+    for (int reach = 1; reach < one_warp; reach *= 2) {
+      const int before = __shfl_up_sync(~0u, end, reach);
+      if (lane >= reach) end += before;
+    }
+    for (int at = listed + end - here; word != 0u && at < bound.longest_list; word &= word - 1) {
+      const int t = (from + lane) * one_warp + __ffs(static_cast<int>(word)) - 1;
+      watched[1 + at++] = static_cast<std::uint16_t>(t);
+    }
+    listed += __shfl_sync(~0u, end, one_warp - 1);
+  }
+  if (lane == 0) watched[0] = static_cast<std::uint16_t>(min(listed, bound.longest_list));
+  __syncwarp();
+}
+
+// By one warp, after the sweeps of a substep: tested side by side, pushed in their order.
+template <class T>
+__device__ __noinline__ void push_watched(const BoundView<T>& bound, int block, BlockVertices<T> x,
+                                          const std::uint16_t* watched) {
+  const int lane = static_cast<int>(threadIdx.x), count = watched[0];
+  for (int pass = 0; pass < VolumeBound::pushes; ++pass) {
+    bool any = false;
+    for (int from = 0; from < count; from += one_warp) {
+      const int t = bound.begin[block] + watched[1 + min(from + lane, count - 1)];
+      const LocalVertices<4> corners = bound.corners[t];
+      const Mat3<T> rest_inverse = bound.rest_inverse[t];
+      const bool is_below = moving_tet(x, corners, rest_inverse).strain_after() <
+                            T(VolumeBound::least - 1.0 - VolumeBound::tolerance);
+      unsigned below = __ballot_sync(~0u, from + lane < count && is_below);
+      any = any || below != 0u;
+      for (; below != 0u; below &= below - 1) {
+        if (lane == __ffs(static_cast<int>(below)) - 1) push_tet(x, corners, rest_inverse);
+        __syncwarp();
+      }
+    }
+    if (!any) return;
+  }
 }
 
 // Whole bodies are small members of an ensemble: two of them share a multiprocessor, so that one
@@ -458,6 +550,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
   for (int i = lane; i <= shared_count; i += lanes) {
     own.from_begin[i] = frame.gather_begin[first + i] - gather_first;
   }
+  if (!frame.runs[member]) return;
   __syncthreads();
   for_each_view<EffectKind::element, set>(
       scene, [&]<class Effect>(const auto& view, int) { make_resident<Effect, T>(view, work); });
@@ -476,6 +569,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     begin_local<set>(scene, step_at(0), x, i, now);
   }
   __syncthreads();
+  const bool bounded = frame.pushes && frame.bound.acts[member];
   const auto sweep = [&]<class Effect>(const auto& view) {
     sweep_effect<Effect, T>(view, x, frame.team, frame.linearizes, work);
   };
@@ -488,7 +582,20 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
       for (int i = lane; i < count; i += lanes) load_local<set>(scene, step_at(substep), x, i);
       __syncthreads();
     };
+    const bool watches = bounded && substep % VolumeBound::scan_every == 0;
+    if (watches) {
+      const int first = frame.team < lanes ? frame.team : 0;  // by those that do not sweep
+      if (lane >= first) watch_volumes(frame.bound, block, scene.dt, x, own.near_bound, first);
+    }
     sweep_in_order<set>(scene, sweep, load, offset);
+    if (watches) {
+      if (lane < one_warp) list_marked(frame.bound, block, own.near_bound, own.watched);
+      __syncthreads();
+    }
+    if (bounded && own.watched[0] > 0) {
+      if (lane < one_warp) push_watched(frame.bound, block, x, own.watched);
+      __syncthreads();
+    }
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
     Message<T>* const messages = frame.messages + (2 * member + (exchange & 1u)) * frame.locals;
     for (int k = first_to_send; k < count; k += lanes) {

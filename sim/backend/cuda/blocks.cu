@@ -131,12 +131,14 @@ class CudaBlocks final : public Ensemble {
     frame_.team = layout_.team().lanes;
     frame_.single_block = layout_.team().single_block;
     place_vertices();
+    bound_.emplace(std::move(bounded), layout_, program_, members_, u_.get(), v_.get());
+    for (int member = 0; member < members_; ++member) bound_->set_model(member, model);
+    frame_.bound = bound_->view();
     place_effects(assess(model, scene).cs_max);
     share_out_memory();
     make_views();
     ask_for_the_device();
     graph_ = Graph(stream_, [this] { enqueue_frame(); });
-    bound_.emplace(std::move(bounded), layout_, program_, members_, u_.get(), v_.get());
     if (!bound_->is_empty()) {
       u_before_ = DeviceArray<Vec3<T>>(u_.size());
       v_before_ = DeviceArray<Vec3<T>>(v_.size());
@@ -146,18 +148,33 @@ class CudaBlocks final : public Ensemble {
 
   int size() const override { return members_; }
 
-  // In one launch, or where a tet comes to the bound on compression in one a substep.
+  // In one launch, and in one a substep those members for which the bound on compression needs all
+  // blocks.
   void advance_frame() override {
     if (bound_->is_empty()) return run_whole_frame();
-    if (!bound_->is_reached()) {
+    Members by_substeps = bound_->at_limit();
+    Members at_once = by_substeps;
+    for (auto& member : at_once) member = !member;
+    if (contains_any(at_once)) {
       keep_start();
+      choose(at_once);
       run_whole_frame();
+      step_ -= program_.substeps;
       bound_->count(stream_);
-      if (!bound_->is_passed()) return bound_->end_frame();
-      return_to_start();
+      const Members again = bound_->below_limit();
+      for (int member = 0; member < members_; ++member) {
+        if (!at_once[member] || !again[member]) continue;
+        return_to_start(member);
+        by_substeps[member] = true;
+      }
     }
-    run_by_substeps();
-    bound_->count(stream_);
+    if (contains_any(by_substeps)) {
+      choose(by_substeps);
+      run_by_substeps(by_substeps);
+      bound_->count(stream_);
+    } else {
+      step_ += program_.substeps;
+    }
     bound_->end_frame();
   }
 
@@ -185,6 +202,7 @@ class CudaBlocks final : public Ensemble {
     check_scene(scene);
     program_.retune({model, scene});
     const double cs = assess(model, scene).cs_max;
+    bound_->set_model(member, model);
     Effects::for_each([&]<class Effect, std::size_t i>() {
       const auto& effects = std::get<i>(program_.effects);
       for (std::size_t k = 0; k < effects.size(); ++k) {
@@ -268,7 +286,8 @@ class CudaBlocks final : public Ensemble {
         2 * locals * sizeof(Vec3<T>) + replica_count() * sizeof(Vec3<T>);
     const int copies_of_state = bounded.vertices.empty() ? 1 : 2;
     std::size_t shared = locals * (sizeof(Vec3<T>) + 3 * sizeof(T) + 4 * sizeof(int));
-    std::size_t own = copies_of_state * vertex_state + 2 * locals * sizeof(Message<T>);
+    std::size_t own = copies_of_state * vertex_state + 2 * locals * sizeof(Message<T>) +
+                      bounded.vertices.size() * sizeof(T);
     for_each_slot<EffectKind::element>(program_.effects, [&]<class Effect>(const auto& effect) {
       const std::size_t elements = effect.rest.size();
       shared += elements * sizeof(LocalVertices<Effect::arity>);
@@ -310,6 +329,8 @@ class CudaBlocks final : public Ensemble {
     frame_.replicated = (replicated_ = DeviceArray<int>(replicated)).get();
     frame_.messages = (messages_ = DeviceArray<Message<T>>(2 * all)).get();
     frame_.ahead = (ahead_ = DeviceArray<unsigned long long>(members_)).get();
+    chosen_.assign(members_, 1);
+    frame_.runs = (runs_ = DeviceArray<unsigned char>(chosen_)).get();
     frame_.rest = (rest_ = DeviceArray<Vec3<T>>(constants.rest)).get();
     frame_.inverse_mass = (inverse_mass_ = DeviceArray<T>(constants.inverse_mass)).get();
     frame_.mobility = (mobility_ = DeviceArray<T>(constants.mobility)).get();
@@ -431,16 +452,27 @@ class CudaBlocks final : public Ensemble {
   void run_whole_frame() {
     for (int left = program_.substeps; left > 0; left -= frame_.substeps) {
       pause_point_();
+      frame_.pushes = !bound_->is_empty();
       launch_substeps(std::min(left, longest_launch));
       stream_.finish("running a frame");
     }
   }
-  void run_by_substeps() {
+  void run_by_substeps(const Members& members) {
     for (int substep = 0; substep < program_.substeps; ++substep) {
       pause_point_();
+      frame_.pushes = false;  // the whole bound follows
       launch_substeps(1);
-      bound_->correct(stream_);
+      bound_->correct(members, stream_);
     }
+  }
+  static bool contains_any(const Members& members) {
+    return std::ranges::find(members, 1) != members.end();
+  }
+  // Who takes part in the next launches.
+  void choose(const Members& members) {
+    if (members == chosen_) return;
+    chosen_ = members;
+    runs_.upload(members);
   }
 
   // As a graph: 2 us less than launches of their own.
@@ -464,16 +496,18 @@ class CudaBlocks final : public Ensemble {
       own.history.copy_to(own.history_before, stream_);
     });
   }
-  void return_to_start() {
-    u_before_.copy_to(u_, stream_);
-    v_before_.copy_to(v_, stream_);
-    duals_before_.copy_to(duals_, stream_);
-    for_each_slot<EffectKind::element>(own_, [this]<class Effect>(const auto& own) {
-      own.history_before.copy_to(own.history, stream_);
-    });
+  void return_to_start(int member) {
+    const auto take_back = [&]<class Array>(const Array& before, Array& now) {
+      const std::size_t each = now.size() / members_;
+      before.copy_to(now, member * each, each, stream_);
+    };
+    take_back(u_before_, u_);
+    take_back(v_before_, v_);
+    take_back(duals_before_, duals_);
+    for_each_slot<EffectKind::element>(
+        own_, [&]<class Effect>(auto& own) { take_back(own.history_before, own.history); });
     stream_.finish("returning to the start of a frame");
-    step_ -= program_.substeps;
-    clear_messages(0, members_);
+    clear_messages(member, 1);
   }
   // Messages of an exchange that is to come again must not be taken for it.
   void clear_messages(int first, int members) {
@@ -553,6 +587,8 @@ class CudaBlocks final : public Ensemble {
   DeviceArray<Message<T>> messages_;
   DeviceArray<unsigned char> touching_;
   DeviceArray<unsigned long long> ahead_;
+  Members chosen_;  // for launches
+  DeviceArray<unsigned char> runs_;
   std::optional<CudaBlockBound<T>> bound_;
   DeviceArray<Vec3<T>> u_before_, v_before_, duals_before_;  // at the start of the frame
 };

@@ -128,8 +128,13 @@ class DeviceArray {
   }
   // When the stream comes to it.
   void copy_to(const DeviceArray& other, cudaStream_t stream) const {
-    if (size_ == 0) return;
-    check(cudaMemcpyAsync(other.data_, data_, size_ * sizeof(T), cudaMemcpyDeviceToDevice, stream),
+    copy_to(other, 0, size_, stream);
+  }
+  void copy_to(const DeviceArray& other, std::size_t first, std::size_t count,
+               cudaStream_t stream) const {
+    if (count == 0) return;
+    check(cudaMemcpyAsync(other.data_ + first, data_ + first, count * sizeof(T),
+                          cudaMemcpyDeviceToDevice, stream),
           "copying");
   }
   T* get() const { return data_; }
