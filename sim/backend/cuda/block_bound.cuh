@@ -20,7 +20,7 @@
 namespace viscera::sim {
 
 // Measured: at rest tets of Cs .5 then lie at J .23 to .30, of .6 and more below .2
-// (docs/results/cuda.md).
+// (docs/results/body.md).
 inline constexpr double long_step = 0.5;
 
 using Members = std::vector<unsigned char>;  // [members] whether each is meant
@@ -104,7 +104,7 @@ class CudaBlockBound {
     counts_ = DeviceArray<VolumeCounts>(members);
     found_.resize(members);
     acts_.assign(members, 1);
-    acts_there_ = DeviceArray<unsigned char>(acts_);
+    device_acts_ = DeviceArray<unsigned char>(acts_);
     corrections_.resize(members);
     const BlockTets in_blocks = layout.tets_in_blocks(tets_.vertices);
     std::vector<Mat3<T>> rest_inverse;
@@ -134,7 +134,8 @@ class CudaBlockBound {
   }
   // What acts within a frame.
   BoundView<T> view() const {
-    return {begin_.get(), corners_.get(), rest_inverse_.get(), acts_there_.get(), most_of_a_block_};
+    return {begin_.get(), corners_.get(), rest_inverse_.get(), device_acts_.get(),
+            most_of_a_block_};
   }
   // Members for which the bound acts and that have a tet there.
   Members at_limit() const { return members_with(&VolumeCounts::at_limit); }
@@ -184,7 +185,7 @@ class CudaBlockBound {
   void set_acts(int member, bool acts) {
     if (acts == static_cast<bool>(acts_[member])) return;
     acts_[member] = acts;
-    acts_there_.upload({acts_[member]}, member);
+    device_acts_.upload({acts_[member]}, member);
   }
   Members members_with(int VolumeCounts::*which) const {
     Members members(found_.size());
@@ -218,7 +219,7 @@ class CudaBlockBound {
   DeviceArray<VolumeCounts> counts_;
   std::vector<VolumeCounts> found_;  // [members] at the end of the last frame
   Members acts_;                     // in the next
-  DeviceArray<unsigned char> acts_there_;
+  DeviceArray<unsigned char> device_acts_;
   // Of the tets in blocks: BoundView has their shapes.
   int most_of_a_block_ = 0;
   DeviceArray<int> begin_;
