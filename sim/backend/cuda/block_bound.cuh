@@ -15,7 +15,6 @@
 
 #include "sim/backend/cuda/block_kernel.cuh"
 #include "sim/backend/cuda/volume_bound.cuh"
-#include "sim/measures/stability.hpp"
 
 namespace viscera::sim {
 
