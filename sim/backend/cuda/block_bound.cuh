@@ -13,7 +13,7 @@
 
 #include <optional>
 
-#include "sim/backend/cuda/block_kernel.cuh"
+#include "sim/backend/cuda/block_pushes.cuh"
 #include "sim/backend/cuda/volume_bound.cuh"
 
 namespace viscera::sim {

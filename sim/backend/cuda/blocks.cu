@@ -8,6 +8,7 @@
 #include "sim/backend/cuda/block_bound.cuh"
 #include "sim/backend/cuda/block_kernel.cuh"
 #include "sim/backend/cuda/blocks.hpp"
+#include "sim/backend/cuda/device_elements.cuh"
 #include "sim/backend/cuda/memory.cuh"
 
 namespace viscera::sim {
@@ -31,77 +32,6 @@ int attribute(cudaDeviceAttr which) {
   check(cudaDeviceGetAttribute(&value, which, 0), "asking what the device has");
   return value;
 }
-
-// What one element effect keeps on the device.
-template <class Effect, class T>
-struct DeviceElements : Placement<Effect::arity> {
-  using Rest = AlignedRest<typename Effect::template Rest<T>>;
-  using DevicePlanes = std::array<DeviceArray<Piece>, PlanesView<Rest>::count>;
-  using Placement<Effect::arity>::element_of;
-  DeviceArray<LocalVertices<Effect::arity>> vertices;
-  DevicePlanes rest;
-  std::vector<DevicePlanes> own_rest;  // [members], a plane is empty where it is that of `rest`
-  DeviceArray<int> phase_begin, block_phase;
-  DeviceArray<T> history;         // [members * elements * history_of]
-  DeviceArray<T> history_before;  // at the start of the frame, likewise
-  std::vector<char> linearizes;   // [members]
-  int max_elements;               // of a block
-  int max_phases;
-  int resident = -1;  // where blocks keep constants close, bytes; -1: nowhere
-
-  DeviceElements(BlockElements<Effect, T>&& host, int members)
-      : Placement<Effect::arity>(std::move(host)),
-        vertices(host.vertices),
-        own_rest(members),
-        phase_begin(host.phase_begin),
-        block_phase(host.block_phase),
-        history(members * host.rest.size() * history_of<Effect>),
-        history_before(history.size()),
-        linearizes(members, 1),
-        max_elements(host.max_elements()),
-        max_phases(host.max_phases()) {
-    const Planes<Rest> planes = planes_of(host.rest);
-    for (std::size_t p = 0; p < rest.size(); ++p) rest[p] = DeviceArray<Piece>(planes[p]);
-  }
-
-  EffectView<Effect, T> view(int member) const {
-    EffectView<Effect, T> view{vertices.get(),
-                               {},
-                               history.get() + member * element_of.size() * history_of<Effect>,
-                               phase_begin.get(),
-                               block_phase.get(),
-                               resident,
-                               linearizes[member] != 0};
-    for (std::size_t p = 0; p < rest.size(); ++p) {
-      const auto& own = own_rest[member][p];
-      view.rest.planes[p] = own.size() > 0 ? own.get() : rest[p].get();
-    }
-    return view;
-  }
-  // A member keeps of its own what is not as all have it.
-  void set_rest(int member, const std::vector<Rest>& host) {
-    const Planes<Rest> planes = planes_of(host);
-    for (std::size_t p = 0; p < rest.size(); ++p) {
-      if (own_rest.size() == 1) {
-        rest[p].upload(planes[p]);
-      } else if (planes[p] == rest[p].download()) {
-        own_rest[member][p] = {};
-      } else {
-        own_rest[member][p] = DeviceArray<Piece>(planes[p]);
-      }
-    }
-  }
-  void save_history(std::vector<double>& all, int member) const {
-    if constexpr (history_of<Effect> != 0) {
-      save_kept<history_of<Effect>>(history, element_of, all, member);
-    }
-  }
-  void load_history(std::span<const double>& all, int member) {
-    if constexpr (history_of<Effect> != 0) {
-      load_kept<history_of<Effect>>(history, element_of, all, member);
-    }
-  }
-};
 
 template <class Effect, class T, EffectKind kind = Effect::kind>
 struct Own {};
@@ -148,34 +78,13 @@ class CudaBlocks final : public Ensemble {
 
   int size() const override { return members_; }
 
-  // In one launch, and in one a substep those members for which the bound on compression needs all
-  // blocks.
   void advance_frame() override {
-    if (bound_->is_empty()) return run_whole_frame();
-    Members by_substeps = bound_->at_limit();
-    Members at_once = by_substeps;
-    for (auto& member : at_once) member = !member;
-    if (contains_any(at_once)) {
-      keep_start();
-      choose(at_once);
+    if (bound_->is_empty()) {
       run_whole_frame();
-      step_ -= program_.substeps;
-      bound_->count(stream_);
-      const Members again = bound_->below_limit();
-      for (int member = 0; member < members_; ++member) {
-        if (!at_once[member] || !again[member]) continue;
-        return_to_start(member);
-        by_substeps[member] = true;
-      }
-    }
-    if (contains_any(by_substeps)) {
-      choose(by_substeps);
-      run_by_substeps(by_substeps);
-      bound_->count(stream_);
     } else {
-      step_ += program_.substeps;
+      run_bounded_frame();
     }
-    bound_->end_frame();
+    step_ += program_.substeps;
   }
 
   State state(int member) const override {
@@ -449,11 +358,37 @@ class CudaBlocks final : public Ensemble {
     at_once_ = std::max(1, a_processor * attribute(cudaDevAttrMultiProcessorCount) / frame_.blocks);
   }
 
+  // In one launch, and in one a substep those members for which the bound on compression needs all
+  // blocks.
+  void run_bounded_frame() {
+    Members by_substeps = bound_->at_limit();
+    Members at_once = by_substeps;
+    for (auto& member : at_once) member = !member;
+    if (contains_any(at_once)) {
+      keep_start();
+      choose(at_once);
+      run_whole_frame();
+      bound_->count(stream_);
+      const Members again = bound_->below_limit();
+      for (int member = 0; member < members_; ++member) {
+        if (!at_once[member] || !again[member]) continue;
+        return_to_start(member);
+        by_substeps[member] = true;
+      }
+    }
+    if (contains_any(by_substeps)) {
+      choose(by_substeps);
+      run_by_substeps(by_substeps);
+      bound_->count(stream_);
+    }
+    bound_->end_frame();
+  }
+
   void run_whole_frame() {
-    for (int left = program_.substeps; left > 0; left -= frame_.substeps) {
+    for (int first = 0; first < program_.substeps; first += longest_launch) {
       pause_point_();
       frame_.pushes = !bound_->is_empty();
-      launch_substeps(std::min(left, longest_launch));
+      launch_substeps(first, std::min(program_.substeps - first, longest_launch));
       stream_.finish("running a frame");
     }
   }
@@ -461,7 +396,7 @@ class CudaBlocks final : public Ensemble {
     for (int substep = 0; substep < program_.substeps; ++substep) {
       pause_point_();
       frame_.pushes = false;  // the whole bound follows
-      launch_substeps(1);
+      launch_substeps(substep, 1);
       bound_->correct(members, stream_);
     }
   }
@@ -476,16 +411,15 @@ class CudaBlocks final : public Ensemble {
   }
 
   // As a graph: 2 us less than launches of their own.
-  void launch_substeps(int substeps) {
+  void launch_substeps(int first, int substeps) {
     frame_.substeps = substeps;
-    frame_.done = step_;
+    frame_.done = step_ + first;
     graph_.change_argument<Frame<T>>([this](Frame<T>& frame) {
       const int first_member = frame.first_member;
       frame = frame_;
       frame.first_member = first_member;
     });
     graph_.launch(stream_, "launching a frame");
-    step_ += substeps;
   }
 
   void keep_start() {
