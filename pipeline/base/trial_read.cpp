@@ -11,6 +11,10 @@
 #include <csignal>
 #include <fstream>
 #include <new>
+#include <stdexcept>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/param.hpp"
 
 namespace viscera {
 namespace {
@@ -52,6 +56,21 @@ std::string read_all(int file) {
   }
 }
 
+// What the child writes: one of these, and then the result, a message, or an Error as CBOR.
+enum Ending : char { returned = 'r', threw = 't', refused = 'e' };
+
+std::string refusal(const Error& error) {
+  const Problem& p = error.problem();
+  std::string bytes(1, refused);
+  Json::to_cbor(Json{error.code(), p.where, p.field, p.found, p.allowed, p.remedy}, bytes);
+  return bytes;
+}
+
+[[noreturn]] void rethrow_refusal(const std::string& bytes) {
+  const Json told = Json::from_cbor(bytes.begin() + 1, bytes.end());
+  throw Error(told[0].get<ExitCode>(), {told[1], told[2], told[3], told[4], told[5]});
+}
+
 [[noreturn]] void read_as_child(rlim_t more_bytes, rlim_t seconds, int out,
                                 const std::function<std::string()>& read) {
   limit_memory(more_bytes);
@@ -64,10 +83,15 @@ std::string read_all(int file) {
     std::signal(end, SIG_DFL);
   }
   try {
-    write_all(out, read());
+    write_all(out, char(returned) + read());
   } catch (const std::bad_alloc&) {
     _exit(out_of_memory);
-  } catch (...) {  // a second reading meets it again
+  } catch (const Error& error) {
+    write_all(out, refusal(error));
+  } catch (const std::exception& exception) {
+    write_all(out, char(threw) + std::string(exception.what()));
+  } catch (...) {
+    write_all(out, char(threw) + std::string("an error without a message"));
   }
   _exit(0);
 }
@@ -104,16 +128,24 @@ ChildReading read_in_child(const std::filesystem::path& path,
     return {.broken = fmt::format("damaged: its reader does not end within {} s", seconds)};
   }
   // A library may also end the process by itself, as a sanitizer does.
-  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0 || result.empty()) {
     return {.broken = "damaged: its reader crashes on it"};
   }
+  if (result.front() == refused) rethrow_refusal(result);
+  if (result.front() == threw) throw std::runtime_error(result.substr(1));
+  result.erase(0, 1);
   return {.result = std::move(result)};
 }
 
 std::string what_breaks_reading(const std::filesystem::path& path,
                                 const std::function<void()>& read) {
   const auto only_reads = [&read] {
-    read();
+    try {
+      read();
+    } catch (const std::bad_alloc&) {
+      throw;
+    } catch (...) {
+    }
     return std::string();
   };
   return read_in_child(path, only_reads).broken;

@@ -6,6 +6,7 @@
 #include <vtkNew.h>
 #include <vtkSmartPointer.h>
 
+#include <exception>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -47,9 +48,13 @@ VtkReading<Data> read_vtk_xml(const std::filesystem::path& path, const std::stri
     }
     return ' ' + (messages.first().empty() ? unreadable : messages.first());
   };
-  const ChildReading handed = read_in_child(path, read);
+  ChildReading handed;
+  try {
+    handed = read_in_child(path, read);
+  } catch (const std::exception& e) {
+    return {nullptr, "", e.what()};
+  }
   if (!handed.broken.empty()) return {nullptr, "Piece", handed.broken};
-  if (handed.result.empty()) return {nullptr, "", unreadable};
   if (handed.result[0] != whole) return {nullptr, "", handed.result.substr(1)};
   const VtkMessages messages;
   vtkNew<Reader> reader;

@@ -12,6 +12,8 @@
 #include <new>
 #include <stdexcept>
 
+#include "pipeline/base/error.hpp"
+
 namespace {
 
 bool no_process_to_spare = false;
@@ -80,16 +82,38 @@ TEST(TrialRead, WhatAChildReadsIsHandedOverWholeAndChangesNothingHere) {
   EXPECT_EQ(writes, 0) << "read in this process";
 }
 
-TEST(TrialRead, NothingIsHandedOverByAReaderThatCrashesOrThrows) {
+TEST(TrialRead, NothingIsHandedOverByAReaderThatCrashesOrEndsTheProcess) {
   const auto crash = [] {
     std::raise(SIGSEGV);
     return std::string("some");
   };
   EXPECT_EQ(read_in_child("/proc/self/exe", crash).result, "");
-  const auto refuse = []() -> std::string { throw std::runtime_error("refused"); };
-  const ChildReading refused = read_in_child("/proc/self/exe", refuse);
-  EXPECT_EQ(refused.broken, "");
-  EXPECT_EQ(refused.result, "");
+  const auto end = []() -> std::string { _Exit(0); };
+  EXPECT_NE(read_in_child("/proc/self/exe", end).broken.find("crashes"), std::string::npos);
+}
+
+TEST(TrialRead, WhatAReaderThrowsIsThrownHereWithEachOfItsParts) {
+  const auto refuse = []() -> std::string {
+    throw Error(ExitCode::bad_config, {"a.msh", "Nodes", "2 \xff", "3", "write it again"});
+  };
+  try {
+    read_in_child("/proc/self/exe", refuse);
+    FAIL() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::bad_config);
+    const Problem& p = error.problem();
+    EXPECT_EQ(p.where + '|' + p.field + '|' + p.found + '|' + p.allowed + '|' + p.remedy,
+              "a.msh|Nodes|2 \xff|3|write it again");
+  }
+  const auto fail = []() -> std::string { throw std::invalid_argument("what a library says"); };
+  try {
+    read_in_child("/proc/self/exe", fail);
+    FAIL() << "nothing was thrown";
+  } catch (const std::runtime_error& e) {
+    EXPECT_STREQ(e.what(), "what a library says");
+  }
+  const auto no_exception = []() -> std::string { throw 1; };
+  EXPECT_THROW(read_in_child("/proc/self/exe", no_exception), std::runtime_error);
 }
 
 TEST(TrialRead, NoFileIsLeftOpen) {

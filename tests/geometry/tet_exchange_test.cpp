@@ -1,5 +1,6 @@
 // Meshes on their way to and from other programs: what is written comes back, solvers read it, and
 // what comes from elsewhere is mended or refused.
+#include <gmsh.h>
 #include <gtest/gtest.h>
 #include <vtkSmartPointer.h>
 #include <vtkXMLDataElement.h>
@@ -304,6 +305,19 @@ TEST_F(TetExchange, BrokenAndForeignFilesAreRefusedByName) {
 constexpr const char* one_tet_msh =
     "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n"
     "$EndNodes\n$Elements\n1\n1 4 2 4 1 1 2 3 4\n$EndElements\n";
+
+// gmsh 4.8 writes outside its arrays on some damaged files, which ends the process that read one at
+// any later time. So this process's gmsh must not have seen the file: its session would be over.
+TEST_F(TetExchange, NoMshIsReadByTheProcessThatAsksForIt) {
+  write_atomically(path("mesh.msh"), one_tet_msh);
+  gmsh::initialize(0, nullptr, false);
+  gmsh::model::add("of this process");
+  EXPECT_EQ(import_mesh(path("mesh.msh")).mesh.tets.size(), 1u);
+  std::string name;
+  gmsh::model::getCurrent(name);
+  EXPECT_EQ(name, "of this process");
+  gmsh::finalize();
+}
 
 // gmsh runs scripts that stand in place of a mesh, or beside it under the mesh's name and ".opt".
 TEST_F(TetExchange, NoScriptIsRunThatAMeshOfGmshBringsAlong) {

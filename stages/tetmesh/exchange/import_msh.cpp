@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <set>
 
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/param.hpp"
 #include "pipeline/base/trial_read.hpp"
 #include "pipeline/contract/label_name.hpp"
 #include "stages/tetmesh/exchange/gmsh_session.hpp"
@@ -152,29 +154,73 @@ ForeignMesh current_gmsh_mesh(const std::filesystem::path& path) {
   return read;
 }
 
+namespace {
+
+// Arrays as they lie in memory: both ends are one program.
+template <class Element>
+Json packed(const std::vector<Element>& list) {
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(list.data());
+  return Json::binary({bytes, bytes + list.size() * sizeof(Element)});
+}
+
+template <class Element>
+std::vector<Element> unpacked(const Json& json) {
+  const auto& bytes = json.get_binary();
+  std::vector<Element> list(bytes.size() / sizeof(Element));
+  if (!list.empty()) std::memcpy(list.data(), bytes.data(), bytes.size());
+  return list;
+}
+
+// What read_in_child hands over.
+std::string to_bytes(const ForeignMesh& read) {
+  std::string bytes;
+  Json::to_cbor(Json{{"points", packed(read.mesh.points)},
+                     {"tets", packed(read.mesh.tets)},
+                     {"labels", packed(read.mesh.labels)},
+                     {"label_names", read.mesh.label_names},
+                     {"labels_from", read.labels_from},
+                     {"cells_skipped", read.cells_skipped}},
+                bytes);
+  return bytes;
+}
+
+ForeignMesh from_bytes(const std::string& bytes) {
+  const Json json = Json::from_cbor(bytes);
+  ForeignMesh read;
+  read.mesh.points = unpacked<std::array<double, 3>>(json["points"]);
+  read.mesh.tets = unpacked<std::array<int, 4>>(json["tets"]);
+  read.mesh.labels = unpacked<int>(json["labels"]);
+  read.mesh.label_names = json["label_names"].get<std::map<int, std::string>>();
+  read.labels_from = json["labels_from"];
+  read.cells_skipped = json["cells_skipped"];
+  return read;
+}
+
+}  // namespace
+
 ForeignMesh read_foreign_msh(const std::filesystem::path& path) {
   refuse_scripts(path);
   // Of a file NAME gmsh runs NAME.opt as a script too, so it is given another name, without one.
   const TemporaryFolder alone(std::filesystem::temp_directory_path());
   const auto known_as = alone.path() / "mesh.msh";
   std::filesystem::create_symlink(std::filesystem::absolute(path), known_as);
-  ForeignMesh read;
-  const auto read_all = [&] {
+  const auto read = [&] {
+    std::string bytes;
     with_gmsh([&] {
       gmsh::merge(known_as.string());
-      read = current_gmsh_mesh(path);
+      bytes = to_bytes(current_gmsh_mesh(path));
     });
+    return bytes;
   };
-  const std::string broken = what_breaks_reading(path, read_all);
-  if (!broken.empty()) throw bad_msh(path, "", broken, "a whole .msh file");
   try {
-    read_all();
+    const ChildReading handed = read_in_child(path, read);
+    if (!handed.broken.empty()) throw bad_msh(path, "", handed.broken, "a whole .msh file");
+    return from_bytes(handed.result);
   } catch (const Error&) {
     throw;
   } catch (const std::exception& e) {
     throw bad_msh(path, "", e.what(), "a whole .msh file");
   }
-  return read;
 }
 
 }  // namespace viscera
