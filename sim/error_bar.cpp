@@ -155,4 +155,17 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
   return bar;
 }
 
+std::optional<std::size_t> tets_for(double aim, const ErrorParts& parts, std::size_t tets,
+                                    std::size_t at_most) {
+  constexpr double least = 1.25, most = 4.0;  // times as many
+  constexpr double worth = 1.1;               // the time of another round
+  constexpr double margin = 0.9;              // of what is left for the mesh
+  constexpr double met = 1.03;                // a mesh has the number that it is to have within 3 %
+  const double now = static_cast<double>(tets), cap = static_cast<double>(at_most) / met;
+  const double left = aim - parts.solver - parts.support;
+  if (!(left > 0.0) || cap < worth * now) return std::nullopt;
+  const double wanted = now * std::pow((parts.element + parts.mesh) / (margin * left), 1.5);
+  return static_cast<std::size_t>(std::min(std::clamp(wanted, least * now, most * now), cap));
+}
+
 }  // namespace viscera::sim

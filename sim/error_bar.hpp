@@ -23,6 +23,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -58,5 +59,13 @@ struct ErrorBar {
 // quadratic tets). `pause_point` is called between Newton steps.
 ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int order,
                    const std::function<void()>& pause_point, std::span<const Probe> probes = {});
+
+// How many tets the next mesh is to have for a total of `aim` (m), where `tets` have these parts:
+// element and mesh are in proportion to h^2, as tets^(-2/3), where cells have the sizes that
+// wanted_sizes finds; the other two stay. At least 1.25 and at most 4 times as many, for that holds
+// near by, and `at_most`. Nothing where the other parts alone are too much, or nothing near 1.25
+// times as many is allowed.
+std::optional<std::size_t> tets_for(double aim, const ErrorParts& parts, std::size_t tets,
+                                    std::size_t at_most);
 
 }  // namespace viscera::sim

@@ -149,6 +149,7 @@ Json spec_schema(const std::vector<StageInfo>& stages) {
       {"cases", any_of({table, map_of(Json::object(), one_case)})},
       {"sweep", any_of({reference("sweep"), sweeps})},
       {"rounds", {{"type", "integer"}, {"minimum", 1}}},
+      {"adapt", {{"type", "object"}}},
       {"gather", map_of(references, false)}};
   return {{"$schema", "http://json-schema.org/draft-07/schema#"},
           {"title", "A run of viscera"},

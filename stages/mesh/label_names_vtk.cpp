@@ -15,7 +15,7 @@ namespace viscera {
 
 void label_names_to(vtkFieldData& data, const std::map<int, std::string>& names) {
   vtkNew<vtkIntArray> ids;
-  ids->SetName("label_ids");
+  ids->SetName(label_ids);
   vtkNew<vtkStringArray> texts;
   texts->SetName("label_names");
   for (const auto& [id, name] : names) {
@@ -28,7 +28,7 @@ void label_names_to(vtkFieldData& data, const std::map<int, std::string>& names)
 
 std::map<int, std::string> label_names_from(const std::filesystem::path& path, vtkFieldData& data) {
   std::map<int, std::string> names;
-  auto* ids = data.GetArray("label_ids");
+  auto* ids = data.GetArray(label_ids);
   auto* texts = vtkStringArray::SafeDownCast(data.GetAbstractArray("label_names"));
   if (ids == nullptr || texts == nullptr ||
       ids->GetNumberOfTuples() != texts->GetNumberOfValues()) {

@@ -9,6 +9,8 @@ class vtkFieldData;
 
 namespace viscera {
 
+inline constexpr const char* label_ids = "label_ids";
+
 void label_names_to(vtkFieldData& data, const std::map<int, std::string>& names);
 
 // Empty when the two arrays are absent or do not match. Throws Error(bad_input) naming `path` for a

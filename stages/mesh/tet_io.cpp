@@ -4,6 +4,7 @@
 #include <vtkCell.h>
 #include <vtkCellArray.h>
 #include <vtkCellData.h>
+#include <vtkDoubleArray.h>
 #include <vtkFieldData.h>
 #include <vtkFloatArray.h>
 #include <vtkGenericCell.h>
@@ -205,6 +206,16 @@ void read_cell_data(const std::filesystem::path& path, vtkUnstructuredGrid& grid
   }
 }
 
+void read_numbers(vtkFieldData& data, TetMesh& mesh) {
+  for (int a = 0; a < data.GetNumberOfArrays(); ++a) {
+    auto* array = data.GetArray(a);
+    if (array == nullptr || array->GetName() == nullptr || array->GetNumberOfValues() != 1)
+      continue;
+    if (array->GetName() != std::string_view(label_ids))
+      mesh.numbers[array->GetName()] = array->GetComponent(0, 0);
+  }
+}
+
 vtkSmartPointer<vtkUnstructuredGrid> read_grid(const std::filesystem::path& path) {
   auto read =
       read_vtk_xml<vtkUnstructuredGrid, vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter>(
@@ -252,6 +263,7 @@ TetMesh read_vtu(const std::filesystem::path& path) {
   TetMesh mesh = read_as_it_stands(path, *grid, false).mesh;
   orient(path, mesh);
   read_cell_data(path, *grid, mesh);
+  read_numbers(*grid->GetFieldData(), mesh);
   return mesh;
 }
 
@@ -284,6 +296,12 @@ void write_vtu(const std::filesystem::path& path, const TetMesh& mesh,
   for (const auto& field : in_tets) add_field(*grid->GetCellData(), field);
   for (const auto& field : at_points) add_field(*grid->GetPointData(), field);
   label_names_to(*grid->GetFieldData(), mesh.label_names);
+  for (const auto& [name, number] : mesh.numbers) {
+    vtkNew<vtkDoubleArray> array;
+    array->SetName(name.c_str());
+    array->InsertNextValue(number);
+    grid->GetFieldData()->AddArray(array);
+  }
 
   const VtkMessages messages;
   vtkNew<vtkXMLUnstructuredGridWriter> writer;

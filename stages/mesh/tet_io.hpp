@@ -1,6 +1,6 @@
 // mesh.vtu: points and tets, the cell array `label`, one named `region NAME` for each region (1
-// inside, 0 outside), other per-tet arrays, and the label names as field data (`label_ids`,
-// `label_names`).
+// inside, 0 outside), other per-tet arrays, and as field data the label names (`label_ids`,
+// `label_names`) and single numbers.
 #pragma once
 
 #include <filesystem>
@@ -26,6 +26,8 @@ ForeignMesh read_foreign_vtu(const std::filesystem::path& path);
 
 // Of a file of cell sizes, their array in tets: parts of the size that cells have in general.
 inline constexpr const char* relative_size = "relative_size";
+// And the number, of the tets that a mesh of such sizes is to have.
+inline constexpr const char* wanted_tets = "wanted_tets";
 
 // Values at points or in tets, as an array of a .vtu file.
 struct FieldArray {

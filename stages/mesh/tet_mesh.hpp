@@ -18,6 +18,7 @@ struct TetMesh {
   // Regions that a scene's effects act on, by name: per tet 1 inside, 0 outside.
   std::map<std::string, std::vector<char>> regions;
   std::map<std::string, std::vector<float>> cell_data;  // further per-tet arrays, by name
+  std::map<std::string, double> numbers;                // of the mesh as a whole, by name
 };
 
 }  // namespace viscera

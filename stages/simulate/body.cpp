@@ -22,4 +22,10 @@ std::vector<float> positions_mm(const sim::Model& model, const sim::State& state
   return positions;
 }
 
+std::array<double, 3> scanned_place(const sim::Model& model, std::size_t tet) {
+  sim::Vec3<double> middle = model.origin;
+  for (const int v : model.tets[tet]) middle += 0.25 * model.rest[v];
+  return {m_to_mm * middle.x, m_to_mm * middle.y, m_to_mm * middle.z};
+}
+
 }  // namespace viscera

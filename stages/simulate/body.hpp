@@ -16,4 +16,7 @@ sim::Model make_body(const TetMesh& mesh, const std::map<int, sim::Material>& by
 // x, y, z of every vertex, LPS mm.
 std::vector<float> positions_mm(const sim::Model& model, const sim::State& state);
 
+// The middle of a tet as it was scanned, LPS mm.
+std::array<double, 3> scanned_place(const sim::Model& model, std::size_t tet);
+
 }  // namespace viscera

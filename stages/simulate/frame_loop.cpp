@@ -8,7 +8,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
-#include "stages/simulate/inverted.hpp"
+#include "sim/measures/inverted.hpp"
 
 namespace viscera {
 namespace {
@@ -233,7 +233,7 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
       return earlier.now.inverted < frame.now.inverted;
     };
     if (frame.now.inverted > 0 && std::ranges::all_of(outcome.frames, has_fewer)) {
-      outcome.most_inverted = inverted_tets(model, state);
+      outcome.most_inverted = sim::inverted_tets(model, state);
     }
     timed(aside.diagnosis, [&] { forces.find_before(state, outcome); });
     if (changed) forces.begin_setting();

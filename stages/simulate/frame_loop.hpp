@@ -54,7 +54,7 @@ struct Outcome {
   sim::State last;           // the last good state
   sim::State before;         // that of the frame before, empty if there is none
   sim::State most_deformed;  // where the elastic energy was greatest
-  // Of the frame with the most inverted tets, as inverted_tets() (inverted.hpp) lists them.
+  // Of the frame with the most inverted tets, as sim::inverted_tets() lists them.
   std::vector<std::pair<double, std::size_t>> most_inverted;
   std::vector<std::string> exerting;  // names of the frames' forces
 };

@@ -10,10 +10,10 @@
 
 #include "pipeline/base/log.hpp"
 #include "sim/error_bar.hpp"
+#include "sim/measures/inverted.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/gates.hpp"
-#include "stages/simulate/inverted.hpp"
 #include "stages/simulate/probes.hpp"
 
 namespace viscera {
@@ -97,7 +97,7 @@ void report_inverted(StageRun& run, const sim::Model& model, const Outcome& outc
   run.metric("inverted_since", at_end > 0 ? Json(last_without.base()->time_s) : Json(), "s");
   Json places = Json::array();
   if (at_end == 0) return run.metric("inverted_places", places, "mm");
-  for (const auto& [j, tet] : inverted_tets(model, outcome.last)) {
+  for (const auto& [j, tet] : sim::inverted_tets(model, outcome.last)) {
     sim::Vec3<double> now = m_to_mm * model.origin;
     for (const int v : model.tets[tet])
       now += (0.25 * m_to_mm) * (model.rest[v] + outcome.last.u[v]);
@@ -127,7 +127,7 @@ GateDetails details_of(const std::string& metric, const StageRun& run, const sim
         fmt::format("in {} of {} frames, most at t {:.3f} s",
                     std::ranges::count_if(frames, is_inverted), frames.size(), worst->time_s);
     const auto tets =
-        metric == "inverted_end" ? inverted_tets(model, outcome.last) : outcome.most_inverted;
+        metric == "inverted_end" ? sim::inverted_tets(model, outcome.last) : outcome.most_inverted;
     for (const auto& [j, tet] : tets) details.at.push_back(scanned_place(model, tet));
   } else if (metric == "min_J") {
     const auto worst = std::ranges::min_element(
@@ -279,67 +279,9 @@ void report_gaps(StageRun& run, const std::vector<sim::GapProbe>& gaps, const Ou
   run.metric("gap_least", least, "mm");
 }
 
-void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& model,
-                      const SceneFile& file, const std::vector<sim::Probe>& probes,
-                      const std::vector<sim::GapProbe>& gaps, const Outcome& outcome,
-                      const sim::SolverOptions& options) {
-  // The centroid of every label, and then what the run was to follow: of a gap the vertex that is
-  // nearest, than which the gap is off by no more.
-  std::vector<sim::Probe> asked;
-  for (std::size_t m = 0; m < model.materials.size(); ++m)
-    asked.push_back(sim::probe_of_centroid(model, model.label_names[m], static_cast<int>(m)));
-  asked.insert(asked.end(), probes.begin(), probes.end());
-  for (const sim::GapProbe& gap : gaps) {
-    const double end_s = outcome.frames.back().time_s;
-    const int nearest = gap_now(model, file.scene, gap, outcome.last.u, end_s).nearest;
-    asked.push_back({gap.name, {{nearest, 1.0}}});
-  }
-  sim::ErrorBar bar;
-  const auto begin = std::chrono::steady_clock::now();
-  if (!outcome.divergence.empty()) {
-    bar.unknown = "the run diverged";
-  } else if (!outcome.rested) {
-    bar.unknown = "the body is not at rest";
-  } else {
-    log::info("certify: finding the equilibria of linear, of the run's own and of quadratic tets");
-    const bool is_quadratic = options.method == sim::Method::fem && options.fem.order == 2;
-    bar = sim::error_bar(model, file.scene, outcome.last, is_quadratic ? 2 : 1, options.pause_point,
-                         asked);
-  }
-  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - begin;
-  run.machine_metric("error_bar_wall", wall.count(), "s");
-  run.metric("error_bar_unknown", bar.unknown.empty() ? Json() : Json(bar.unknown));
-  if (!bar.unknown.empty()) {
-    log::warn("how far the body is off is not known: {}", bar.unknown);
-    return;
-  }
-  const auto [solver, element, mesh_part, support, total] = bar.displacement;
-  run.metric("error_total", m_to_mm * total, "mm");
-  run.metric("error_total_share", total / bar.size);
-  run.metric("error_solver", m_to_mm * solver, "mm");
-  run.metric("error_element", m_to_mm * element, "mm");
-  run.metric("error_mesh", m_to_mm * mesh_part, "mm");
-  run.metric("error_support", m_to_mm * support, "mm");
-  run.metric("error_largest", m_to_mm * bar.largest, "mm");
-  Json centroids = Json::object(), followed = Json::object();
-  for (std::size_t k = 0; k < asked.size(); ++k) {
-    (k < model.materials.size() ? centroids : followed)[asked[k].name] =
-        m_to_mm * bar.probes[k].total;
-  }
-  run.metric("error_centroids", centroids, "mm");
-  if (!followed.empty()) run.metric("error_probes", followed, "mm");
-  log::info(
-      "at rest the body is off by {:.3g} mm rms or less ({:.2g} % of its displacement): solver "
-      "{:.2g}, element {:.2g}, mesh {:.2g}, support {:.2g} mm; {:.1f} s",
-      m_to_mm * total, 100.0 * total / bar.size, m_to_mm * solver, m_to_mm * element,
-      m_to_mm * mesh_part, m_to_mm * support, wall.count());
-  write_vtu(run.out("size_field.vtu"), mesh, {},
-            {{relative_size, {""}, {bar.sizes.begin(), bar.sizes.end()}}});
-}
-
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome) {
   std::string tets;
-  for (const auto& [j, tet] : smallest_j(model, outcome.last, 5)) {
+  for (const auto& [j, tet] : sim::smallest_j(model, outcome.last, 5)) {
     tets += fmt::format("{}{} (J {:.3g})", tets.empty() ? "" : ", ", tet, j);
   }
   run.set_diverged(fmt::format(

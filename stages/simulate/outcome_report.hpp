@@ -26,14 +26,6 @@ void report_probes(StageRun& run, const sim::Model& model, const std::vector<sim
 // How wide gaps are at the end, and the least that they were.
 void report_gaps(StageRun& run, const std::vector<sim::GapProbe>& gaps, const Outcome& outcome);
 
-// How far the body at rest is off (sim/error_bar.hpp), the centroids of its labels, the probes and
-// the gaps, of a run that was solved with `options`; where that is unknown, why. Takes seconds to
-// minutes.
-void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& model,
-                      const SceneFile& file, const std::vector<sim::Probe>& probes,
-                      const std::vector<sim::GapProbe>& gaps, const Outcome& outcome,
-                      const sim::SolverOptions& options);
-
 void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome);
 
 }  // namespace viscera

@@ -21,6 +21,7 @@
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/checkpoint.hpp"
+#include "stages/simulate/error_report.hpp"
 #include "stages/simulate/exchange/static_problem.hpp"
 #include "stages/simulate/explicit_watch.hpp"
 #include "stages/simulate/frame_columns.hpp"
@@ -325,7 +326,7 @@ void simulate(StageRun& run) {
     write_stress(run, mesh, model, file.scene, outcome.last,
                  element == sim::Element::quadratic ? 2 : 1);
   }
-  if (run.param<bool>("certify"))
+  if (run.param<bool>("certify") || run.has_param("adapt"))
     report_error_bar(run, mesh, model, file, probes, gaps, outcome, options);
   if (!outcome.divergence.empty()) {
     report_divergence(run, model, outcome);
@@ -348,7 +349,8 @@ std::vector<OutputFile> outputs() {
        .doc = "stress and strain at the end, where `stress` asks for them"},
       {.file = "size_field.vtu",
        .role = "size_field",
-       .doc = "with `certify`, the cell sizes at which all tets have the same part in the error"},
+       .doc = "with `certify`, the cell sizes at which all tets have the same part in the error; "
+              "with `adapt` while that is too large, and then the number of tets as well"},
       {.file = "scene.json", .doc = "the scene as it ran, SI, defaults spelled out"}};
   for (const SceneFormat& format : scene_formats())
     files.push_back({.file = format.file, .doc = format.doc});
@@ -376,6 +378,7 @@ std::vector<Param> params() {
                  .fallback = false,
                  .doc = "after the run, says how far the body at rest is off: solver, elements and "
                         "mesh, by finite elements of first and second order on the same mesh"});
+  all.push_back(adapt_param());
   all.push_back({.name = "forces",
                  .type = ParamType::boolean,
                  .fallback = false,
@@ -437,6 +440,7 @@ const Stage& simulate_stage() {
           [](const StageRun& run) {
             translated(run, [&run] {
               check_probes(run);
+              read_adapt(run);
               export_text::asked_formats(run.params().at("formats"), scene_formats());
               SceneFile file = scene_of(run, run.params().at("change"));
               sim::check_scene(file.scene);

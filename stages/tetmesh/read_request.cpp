@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "pipeline/base/log.hpp"
 #include "stages/image/image_io.hpp"
 #include "stages/mesh/surface_io.hpp"
 #include "stages/mesh/tet_io.hpp"
@@ -56,6 +57,22 @@ MeshRequest::SizedMesh read_size_field(const std::filesystem::path& file) {
   for (const float size : sizes)
     if (!(size > 0.0f && std::isfinite(size))) throw refuse(fmt::format("{:g}", size));
   return {std::move(mesh), std::move(sizes), file.string()};
+}
+
+// How many tets a mesh of the sizes is to have, where the file says so.
+std::optional<std::size_t> tets_wanted_by(const MeshRequest::SizedMesh& field) {
+  const auto found = field.mesh.numbers.find(wanted_tets);
+  if (found == field.mesh.numbers.end()) return std::nullopt;
+  if (found->second >= fewest_tets && found->second <= most_tets) {
+    log::info("{} asks for {:.0f} tets", field.file, found->second);
+    return static_cast<std::size_t>(found->second);
+  }
+  throw Error(ExitCode::bad_input,
+              {.where = field.file,
+               .field = fmt::format("FieldData/{}", wanted_tets),
+               .found = fmt::format("{:g}", found->second),
+               .allowed = fmt::format("{:.0f} to {:.0f}", fewest_tets, most_tets),
+               .remedy = "write the file again with viscera-simulate"});
 }
 
 }  // namespace
@@ -117,6 +134,7 @@ MeshRequest request_of(const StageRun& run) {
         resolve_required(size, value, "parameters", "sizes." + name).get<double>();
   }
   request.regions = read_regions(run.params().at("regions"));
+  if (run.has_param("target_tets")) request.target_tets = run.param<std::size_t>("target_tets");
   return request;
 }
 
@@ -124,7 +142,10 @@ MeshRequest read_request(const StageRun& run) {
   MeshRequest request = request_of(run);
   // Before any file is read.
   const bool by_fields = request.by_fields(run.has_input("labels"), run.has_input("surface"));
-  if (run.has_input("size_field")) request.size_field = read_size_field(run.input("size_field"));
+  if (run.has_input("size_field")) {
+    request.size_field = read_size_field(run.input("size_field"));
+    if (const auto wanted = tets_wanted_by(*request.size_field)) request.target_tets = wanted;
+  }
   if (run.has_input("labels")) {
     request.labels = read_image(run.input("labels")).image;
     request.labels_file = run.input("labels").string();

@@ -40,9 +40,11 @@ std::vector<Param> params() {
       {.name = "target_tets",
        .type = ParamType::integer,
        .fallback = nullptr,
-       .lo = 100.0,
-       .hi = 20e6,
-       .doc = "when set, the cell size is found that gives this many tets within 10 %"},
+       .lo = fewest_tets,
+       .hi = most_tets,
+       .doc =
+           "when set, the cell size is found that gives this many tets within 10 %; a size_field "
+           "that says how many it wants has the last word"},
       {.name = "sizes",
        .type = ParamType::map,
        .fallback = Json::object(),
@@ -199,8 +201,10 @@ void report_mended(const Mended& mended) {
     log::info("boundary made manifold by removing {} tets", mended.tets_removed);
 }
 
-double expected_tets(const StageRun& run, const MeshJob& job) {
-  if (run.has_param("target_tets")) return run.param<double>("target_tets");
+using Target = std::optional<std::size_t>;  // tets; none: as many as the cell size gives
+
+double expected_tets(const StageRun& run, const MeshJob& job, const Target& target) {
+  if (target) return static_cast<double>(*target);
   const double cell_size = run.param<double>("cell_size");
   job.check_cell_size(cell_size);
   return job.expected_tets(cell_size);
@@ -214,9 +218,8 @@ void calibrate(const StageRun& run, MeshJob& job, double cell_size) {
   }
 }
 
-double settle_cell_size(const StageRun& run, MeshJob& job) {
-  if (run.has_param("target_tets"))
-    return job.find_cell_size(run.param<std::size_t>("target_tets"));
+double settle_cell_size(const StageRun& run, MeshJob& job, const Target& target) {
+  if (target) return job.find_cell_size(*target);
   const double cell_size = run.param<double>("cell_size");
   calibrate(run, job, cell_size);
   return cell_size;
@@ -225,10 +228,10 @@ double settle_cell_size(const StageRun& run, MeshJob& job) {
 // A mesh whose altitudes are large enough for the substeps asked for. They grow with the cell size,
 // but unevenly: steps are shorter than what is missing, so as not to end coarser than needed.
 MeshJob::Result mesh_for(const StageRun& run, MeshJob& job, const TimeGoal& goal,
-                         double& cell_size) {
+                         const Target& target, double& cell_size) {
   log::progress("tets", 0.3, "refining");
   MeshJob::Result result = job.mesh(cell_size);
-  if (run.has_param("target_tets")) return result;
+  if (target) return result;
   for (int attempt = 1; attempt < coarsenings; ++attempt) {
     const double factor =
         shortfall(assess_time_step(result.mesh, measure(result.mesh), goal), goal);
@@ -257,17 +260,18 @@ TimeGoal time_goal(const StageRun& run, const std::map<int, std::string>& names)
 }
 
 Made make_mesh(StageRun& run, MeshRequest request) {
+  const Target target = request.target_tets;
   MeshJob job(std::move(request));
   const TimeGoal time = time_goal(run, job.names());
-  const double tets = expected_tets(run, job), memory = job.estimate_memory(tets);
+  const double tets = expected_tets(run, job, target), memory = job.estimate_memory(tets);
   log::info("expecting about {:.0f} thousand tets and {:.0f} MB", tets / 1e3, memory / 1e6);
   check_memory(memory);
   std::optional<Watchdog> watchdog;
   if (!run.is_in_memory())
     watchdog.emplace(run.param<double>("time_limit"), memory, run.out("").parent_path());
-  double cell_size = settle_cell_size(run, job);
+  double cell_size = settle_cell_size(run, job, target);
   const std::clock_t begin = std::clock();  // in one thread
-  auto [mesh, mended, improved] = mesh_for(run, job, time, cell_size);
+  auto [mesh, mended, improved] = mesh_for(run, job, time, target, cell_size);
   run.machine_metric("meshing", static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC, "s");
   log::progress("tets", 1.0);
   if (mesh.tets.empty()) {
@@ -289,7 +293,7 @@ Made make_mesh(StageRun& run, MeshRequest request) {
             .how = {{"route", job.by_fields() ? "fields" : "surface"},
                     {"cell_size_mm", cell_size},
                     {"mended", mended_json(mended)}}};
-  if (run.has_param("target_tets")) made.wanted.tets = run.param<double>("target_tets");
+  if (target) made.wanted.tets = static_cast<double>(*target);
   if (job.labels()) {
     made.wanted.labels = job.labels();
     made.wanted.loss = job.loss(made.mesh, cell_size);

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
@@ -42,7 +43,9 @@ Param size_param() {
 // volume -> alpha -> (role a) -> beta -> (role b) -> gamma -> page; gamma reads a and b's manifest
 // as well. echo reads b alone. refit writes b and may read b from a file. delta writes role a too.
 // loop_one and loop_two feed one another. many reads every e and names the cases; compare reads
-// two b; census reads what the engine says of them. device may use a GPU.
+// two b; census reads what the engine says of them. device may use a GPU. grow writes a text longer
+// than the size_field that it reads, and weigh passes it on, with a failed gate, while it has fewer
+// lines than its `adapt` wants.
 StageInfo declare(const std::string& name) {
   StageInfo info{.name = name, .version = "1", .doc = "a fake stage"};
   info.params = {{.name = "text", .fallback = "hello", .doc = "copied to the output"},
@@ -75,6 +78,16 @@ StageInfo declare(const std::string& name) {
         {.name = "title", .doc = "heading"},
         {.name = "cases", .type = ParamType::list, .fallback = Json::array(), .doc = "names"},
         {.name = "methods", .type = ParamType::list, .fallback = Json::array(), .doc = "names"}};
+  }
+  if (name == "grow") {
+    feed("volume", "grown");
+    info.inputs.push_back({.role = "size_field", .required = false, .doc = "text"});
+  }
+  if (name == "weigh") {
+    feed("grown", "size_field");
+    info.params.push_back(
+        {.name = "adapt", .type = ParamType::map, .fallback = nullptr, .doc = "lines"});
+    info.gates = {size_gate};
   }
   if (name == "census") feed("runs", "census");
   if (name == "device") {
@@ -217,6 +230,13 @@ void work(const std::string& name, StageRun& run) {
     std::ofstream(run.out("page.html")) << text;
     std::ofstream(run.out("summary.json")) << "{}";
     return;
+  }
+  if (name == "weigh") {
+    const Json adapt = run.params().at("adapt");
+    const auto lines = std::ranges::count(text, '\n');
+    const bool is_enough = lines >= adapt.at("lines").get<int>();
+    run.gate(size_gate, is_enough ? 0.0 : 1.0, 0.0);
+    if (is_enough || adapt.value("last", false)) return;
   }
   if (name == "beta") {
     run.machine_metric("process", getpid());

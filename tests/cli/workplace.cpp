@@ -54,7 +54,7 @@ Workplace::Workplace() : folder_(fs::temp_directory_path()) {
   const fs::path built = VISCERA_BIN;
   link_or_copy(built / "viscera", path("bin/viscera"));
   for (const char* stage : {"alpha", "beta", "gamma", "delta", "echo", "refit", "many", "census",
-                            "device", "loop_one", "loop_two"}) {
+                            "grow", "weigh", "device", "loop_one", "loop_two"}) {
     link_or_copy(built / "fake_stage", path(std::string("bin/viscera-") + stage));
   }
   for (int s = 1; s <= 6; ++s)

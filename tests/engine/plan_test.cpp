@@ -101,6 +101,42 @@ TEST(Plan, ARoundReadsWhatALaterStageOfTheRoundBeforeMade) {
   EXPECT_EQ(left_unmade(plan, 2, entries), "");
 }
 
+// Of what `adapt` says the stage hears that has such a param, in the last round that it is the
+// last; a later round waits whole for what it reads, and is needed where that was written.
+TEST(Plan, AdaptGoesToItsStageAndEachRoundWaitsToBeAskedFor) {
+  const TemporaryFolder folder(fs::temp_directory_path());
+  install(folder, {.name = "alpha", .outputs = {{.file = "a.txt", .role = "labels"}}});
+  install(folder, {.name = "beta",
+                   .inputs = {{.role = "labels"}, {.role = earlier_role, .required = false}},
+                   .outputs = {{.file = "b.txt", .role = "mesh"}}});
+  install(folder, {.name = "gamma",
+                   .inputs = {{.role = "mesh"}},
+                   .outputs = {{.file = "c.txt", .role = earlier_role}},
+                   .params = {{.name = "adapt", .type = ParamType::map, .fallback = nullptr}}});
+  write_atomically(folder.path() / "a.yaml",
+                   "viscera: 1\nstages: {alpha: {}, beta: {}, gamma: {}}\n"
+                   "adapt: {total: 2 %, rounds: 3}\n");
+  Store store(folder.path() / "cache", false);
+  Catalog catalog(folder.path(), store);
+  const Plan plan = make_plan(load_spec({.path = folder.path() / "a.yaml"}), catalog);
+  ASSERT_EQ(plan.size(), 9u);
+  EXPECT_EQ(plan[2].params.at("adapt").dump(), R"({"total":"2 %"})");
+  EXPECT_EQ(plan[8].params.at("adapt").dump(), R"({"last":true,"total":"2 %"})");
+  using Indices = std::vector<std::size_t>;
+  EXPECT_EQ(awaited_by(plan, 3), Indices{2}) << "which reads nothing of the round before";
+  Entries entries(plan.size());
+  for (std::size_t i = 0; i < 3; ++i) entries[i] = ended(ExitCode::gate_failed, "");
+  EXPECT_FALSE(is_needless(plan, 2, entries));
+  EXPECT_TRUE(is_needless(plan, 3, entries)) << "the round before wrote nothing for it";
+  EXPECT_TRUE(is_needless(plan, 6, entries)) << "nor will that one";
+  entries[2]->manifest.outputs.push_back({.path = "c.txt"});
+  EXPECT_FALSE(is_needless(plan, 3, entries));
+  EXPECT_FALSE(is_needless(plan, 6, entries)) << "nobody knows yet";
+  entries[2] = std::nullopt;
+  EXPECT_FALSE(is_needless(plan, 3, entries));
+  EXPECT_TRUE(lacks_input(plan[3], entries)) << "after a failure";
+}
+
 // A stage that gathers what `cases` others make, and is the last of the plan.
 std::string missing_of(std::size_t cases) {
   Plan plan;

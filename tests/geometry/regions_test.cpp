@@ -138,6 +138,18 @@ TEST_F(SizedMesh, CellsAreSmallWhereAnEarlierRunAskedForIt) {
   EXPECT_LT(below, 3 * (std::ssize(before.tets) - above(before)));
 }
 
+TEST_F(SizedMesh, HowManyTetsAnEarlierRunWantsHasTheLastWord) {
+  const auto labels = write(testing::nested_balls(radius));
+  TetMesh before = mesh_of(labels);
+  const double wanted = 2.5 * static_cast<double>(before.tets.size());
+  before.numbers[wanted_tets] = wanted;
+  const auto outcome = run(labels, {"target_tets=300"}, {"--in", sized(before, 0.8f)});
+  ASSERT_EQ(outcome.code, 0) << outcome.log;
+  EXPECT_NEAR(static_cast<double>(mesh().tets.size()), wanted, 0.1 * wanted);
+  before.numbers[wanted_tets] = 1e12;
+  EXPECT_EQ(run(labels, {}, {"--in", sized(before, 0.8f)}).code, 4);
+}
+
 TEST_F(SizedMesh, WhatIsNoneOfThisBodyIsRefused) {
   const auto labels = write(testing::nested_balls(radius));
   const TetMesh before = mesh_of(labels);

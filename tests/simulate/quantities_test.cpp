@@ -46,6 +46,34 @@ TEST_F(Simulate, AnErrorThatIsExpectedIsJudgedAndFailsWhereItIsNotKnown) {
   EXPECT_NE(errors.find("certify: true"), std::string::npos) << errors;
 }
 
+TEST_F(Simulate, AnAdaptedRunAsksForAFinerMeshUntilItIsGoodEnoughOrMayNotGrow) {
+  const std::string held =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  const auto adapted = [&](const char* goal) {
+    return run(held, {"--set", fmt::format("adapt={}", goal), "--set", "element=linear"});
+  };
+  const fs::path asked = path("out") / "size_field.vtu";
+  ASSERT_EQ(adapted("{total: 90 %, at_most: 10000}"), 0) << errors;
+  const double share = metric("error_total_share").get<double>();
+  const auto tets = metric("tets").get<double>();
+  EXPECT_FALSE(fs::exists(asked)) << "good enough";
+  ASSERT_EQ(adapted(fmt::format("{{total: {}, at_most: 100000}}", 0.5 * share).c_str()), 0);
+  const TetMesh sized = read_vtu(asked);
+  EXPECT_EQ(sized.cell_data.at(relative_size).size(), sized.tets.size());
+  EXPECT_GT(sized.numbers.at(wanted_tets), std::pow(2.0, 1.5) * tets) << "h^2, and a margin";
+  EXPECT_LE(sized.numbers.at(wanted_tets), 4.0 * tets);
+  EXPECT_EQ(adapted("{total: 0.1 %, at_most: 200}"), 5) << "no more tets are allowed";
+  EXPECT_FALSE(fs::exists(asked));
+  EXPECT_NE(errors.find("adapt_total"), std::string::npos) << errors;
+  EXPECT_EQ(adapted("{total: 0.1 %, at_most: 100000, last: true}"), 5);
+  EXPECT_FALSE(fs::exists(asked));
+  EXPECT_EQ(run(held, {"--set", "adapt={total: 50 %, at_most: 9000}", "--set", "end=0.05s"}), 5)
+      << "of a body that moves the error is not known";
+  EXPECT_EQ(adapted("{total: 2 %}"), 3);
+  EXPECT_NE(errors.find("adapt.at_most"), std::string::npos) << errors;
+  EXPECT_EQ(adapted("{total: 2 mm, at_most: 5000}"), 3);
+}
+
 TEST_F(Simulate, ForcesAtRestCarryTheWeightAndAreColumnsOfTheMetrics) {
   ASSERT_EQ(run(drop_scene, {"--set", "forces=true"}), 0) << errors;
   const Json end = metric("force_end"), most = metric("force_most");

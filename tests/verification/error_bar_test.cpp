@@ -52,6 +52,20 @@ TEST(ErrorBar, OfABentBarIsNoLessThanTheTrueErrorAndAtMostThreeTimesAsMuch) {
   }
 }
 
+TEST(TetsFor, TakesTheMeshPartsToWhatTheOthersLeaveOfTheAim) {
+  const ErrorParts parts{
+      .solver = 1e-4, .element = 2e-3, .mesh = 1e-3, .support = 1e-4, .total = 3.2e-3};
+  const double aim = 1.9e-3;  // 1.7e-3 for element and mesh, less a tenth: 1.53e-3 of 3e-3
+  const auto next = tets_for(aim, parts, 10000, 100000);
+  ASSERT_TRUE(next);
+  EXPECT_NEAR(static_cast<double>(*next), 10000 * std::pow(3.0 / 1.53, 1.5), 1.0);
+  EXPECT_EQ(tets_for(3.1e-3, parts, 10000, 100000), 12500u) << "at least a quarter more";
+  EXPECT_EQ(tets_for(4e-4, parts, 10000, 1000000), 40000u) << "at most four times as many";
+  EXPECT_NEAR(static_cast<double>(*tets_for(4e-4, parts, 10000, 20600)), 20000, 1.0);
+  EXPECT_FALSE(tets_for(aim, parts, 10000, 10500)) << "hardly more are allowed";
+  EXPECT_FALSE(tets_for(2e-4, parts, 10000, 100000)) << "solver and support alone are as much";
+}
+
 // Linear tets alone have these laws beside quadratic ones: most of the bar is the element's part.
 template <class Law>
 void check_bar_of_law(const typename Law::Params& params) {

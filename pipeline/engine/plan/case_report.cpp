@@ -71,9 +71,10 @@ std::string case_report(const Spec& spec, const Plan& plan, const Entries& entri
     row["state"] = row["message"] = nullptr;
     row["stages"] = Json::array();
     for (; at < plan.size() && !plan[at].gathers && plan[at].case_name == one.name; ++at) {
-      row["stages"].push_back(stage_report(plan[at], entries[at], failures[at]));
+      if (!is_needless(plan, at, entries))
+        row["stages"].push_back(stage_report(plan[at], entries[at], failures[at]));
     }
-    if (row["stages"].empty()) continue;  // refused when it was planned
+    if (row["stages"].empty()) continue;  // refused when it was planned, or not needed
     judge(row);
     report["cases"].push_back(std::move(row));
   }

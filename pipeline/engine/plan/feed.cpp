@@ -23,7 +23,16 @@ bool is_lacking(const PlannedInput& input, const Entries& entries) {
 
 }  // namespace
 
+bool is_needless(const Plan& plan, std::size_t i, const Entries& entries) {
+  const auto& asked_by = plan[i].asked_by;
+  if (!asked_by) return false;
+  const std::size_t before = asked_by->producers.front();
+  return entries[before] ? !produced(*asked_by, entries[before])
+                         : is_needless(plan, before, entries);
+}
+
 bool lacks_input(const PlannedStage& stage, const Entries& entries) {
+  if (stage.asked_by && is_lacking(*stage.asked_by, entries)) return true;
   return std::ranges::any_of(
       stage.inputs, [&entries](const PlannedInput& input) { return is_lacking(input, entries); });
 }

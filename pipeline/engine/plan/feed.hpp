@@ -18,6 +18,9 @@ using Entries = std::vector<std::optional<Entry>>;
 // Whether the producer wrote the file: one that diverged may not have.
 bool produced(const PlannedInput& input, const std::optional<Entry>& producer);
 
+// Whether the stage belongs to a round of `adapt` that no round before has asked for.
+bool is_needless(const Plan& plan, std::size_t i, const Entries& entries);
+
 // A required input whose producers made nothing.
 bool lacks_input(const PlannedStage& stage, const Entries& entries);
 

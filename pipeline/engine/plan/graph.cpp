@@ -242,6 +242,21 @@ MadeByRole made_by(const Plan& plan) {
   return made;
 }
 
+// What `adapt` says goes to the stage that declares a param of that name, before what others say of
+// it.
+void give_adapt(SpecCase& one, const std::vector<Candidate>& stages, const std::string& where) {
+  constexpr const char* name = "adapt";
+  if (one.adapt.is_null()) return;
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    if (!std::ranges::count(stages[i].program.info.params, name, &Param::name)) continue;
+    auto& params = one.stages[i].params;
+    params.insert(params.begin(), {name, one.adapt, where});
+    return;
+  }
+  throw bad(where, name, "no stage has the param 'adapt'",
+            "use adapt with tetmesh and simulate, or leave it out");
+}
+
 // What a round takes from the one before it, whose stages are the last of the plan.
 MadeByRole made_before(const Plan& plan, const SpecCase& round, const std::string& where) {
   if (round.follows.empty()) return {};
@@ -288,6 +303,7 @@ std::filesystem::path folder_of(const std::filesystem::path& out, const PlannedS
 
 std::vector<std::size_t> awaited_by(const Plan& plan, std::size_t i) {
   std::vector<std::size_t> awaited;
+  if (plan[i].asked_by) awaited = plan[i].asked_by->producers;
   for (const auto& input : plan[i].inputs) {
     awaited.insert(awaited.end(), input.producers.begin(), input.producers.end());
     for (std::size_t k = 0; input.from_engine && k < i; ++k) {
@@ -311,10 +327,19 @@ Plan make_plan(const Spec& spec, Catalog& catalog, std::vector<RefusedCase>* ref
     return list;
   };
   Plan plan;
-  for (const auto& one : spec.cases) {
+  const std::string where = spec.path.string();
+  for (SpecCase one : spec.cases) {
     const auto stages = candidates(one.stages);
+    const std::size_t begin = plan.size();
     try {
-      add_to_plan(plan, stages, made_before(plan, one, spec.path.string()), one.name, false);
+      give_adapt(one, stages, where);
+      const MadeByRole made = made_before(plan, one, where);
+      add_to_plan(plan, stages, made, one.name, false);
+      for (std::size_t i = begin; i < plan.size() && !one.adapt.is_null() && !made.empty(); ++i) {
+        const auto& [producers, file] = made.at(earlier_role);
+        plan[i].asked_by = {
+            .role = {.role = earlier_role}, .producers = producers, .produced_file = file};
+      }
     } catch (const Error& e) {
       if (!refused || one.name.empty()) throw;
       refused->push_back({one.name, one.settings, e.code(), e.what()});

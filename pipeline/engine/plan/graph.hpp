@@ -7,6 +7,7 @@
 
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -40,6 +41,9 @@ struct PlannedStage {
   std::string case_name;             // empty: without cases, or a gathering stage
   bool gathers = false;
   std::map<std::string, std::string> origins = {};  // of the params that the spec sets: where
+  // Of a later round of `adapt`: what the round before writes when another is to follow, and which
+  // all stages of the round wait for.
+  std::optional<PlannedInput> asked_by = {};
 
   const std::string& name() const { return program.info.name; }
   // It may want a GPU: it declares a param `device` that may be cuda, and that does not say cpu.

@@ -35,6 +35,11 @@ Survey survey(const Spec& spec, Plan& plan, Store& store, const fs::path& out,
     }
     if (const auto* failure = record->failure(plan[i].name())) verdict.failure = *failure;
     verdict.settings = own_settings(plan[i], store.digests()).key();
+    if (is_needless(plan, i, found.entries)) {
+      verdict.prospect = Prospect::skipped;
+      verdict.words = "not needed: the round before asks for no other";
+      continue;
+    }
     const std::string waiting = missing_producers(plan, i, found.entries);
     if (!waiting.empty()) {
       verdict.words =

@@ -50,6 +50,7 @@ class Runner {
         settled_(plan_.size(), false),
         working_(plan_.size(), false),
         told_(plan_.size(), false),
+        exits_(plan_.size(), ExitCode::ok),
         wanted_(wanted_by(options, plan_)),
         forced_(forced_by(options, plan_)) {
     for (std::size_t i = 0; i < plan_.size(); ++i) {
@@ -71,15 +72,20 @@ class Runner {
     }
     store_.digests().save();
     if (failure_ && !options_.spec.keep_going) throw *failure_;
-    return failure_ ? failure_->code() : worst_;
+    return failure_ ? failure_->code() : worst_exit();
   }
 
   void print() const {
     if (options_.quiet) return;
-    std::cout << status_table(plan_.front().case_name.empty() ? rows_ : rows_worth_showing(rows_));
+    std::vector<StatusRow> rows;
+    for (std::size_t i = 0; i < plan_.size(); ++i) {
+      if (!is_needless(plan_, i, entries_)) rows.push_back(rows_[i]);
+    }
+    std::cout << status_table(plan_.front().case_name.empty() ? rows : rows_worth_showing(rows));
     const bool gathered = plan_.back().gathers;
     for (std::size_t i = 0; i < plan_.size(); ++i) {
       if (!folders_.is_last(i) || plan_[i].gathers != gathered) continue;
+      if (is_needless(plan_, i, entries_)) continue;
       for (const auto& output : plan_[i].program.info.outputs) {
         const fs::path file = folders_.of(i) / output.file;
         if (output.role.empty() || !fs::exists(file)) continue;
@@ -119,6 +125,7 @@ class Runner {
   void begin(std::size_t i) {
     if (!wanted_[i]) return pass_over(i);
     if (failure_ && !options_.spec.keep_going) return settle(i);
+    if (is_needless(plan_, i, entries_)) return settle(i);
     if (lacks_input(plan_[i], entries_)) {
       const std::string unmade = left_unmade(plan_, i, entries_);
       if (unmade.empty()) return skip(i);
@@ -305,11 +312,26 @@ class Runner {
                 .max_rss_mb = manifest.max_rss_mb,
                 .gates = manifest.gates};
     if (!ran) retell(plan_[i].label(), manifest);
-    worst_ = std::max(worst_, manifest.exit);
+    exits_[i] = manifest.exit;
     settle(i);
     event(ran ? "ran" : "cached", i, manifest.exit, manifest.message);
     const bool many = !plan_.front().case_name.empty();
     if (ran && many && !terminal_) log::info("{}: ended; {}", plan_[i].label(), outlook());
+  }
+
+  // Of the stages that ended, but for rounds of `adapt` that another one took the place of.
+  ExitCode worst_exit() const {
+    std::set<std::string> replaced;
+    for (std::size_t i = 0; i < plan_.size(); ++i) {
+      if (plan_[i].asked_by && entries_[i])
+        replaced.insert(plan_[plan_[i].asked_by->producers.front()].case_name);
+    }
+    ExitCode worst = ExitCode::ok;
+    for (std::size_t i = 0; i < plan_.size(); ++i) {
+      if (!replaced.count(plan_[i].case_name) || plan_[i].gathers)
+        worst = std::max(worst, exits_[i]);
+    }
+    return worst;
   }
 
   void fail(std::size_t i, const Error& error) {
@@ -369,6 +391,7 @@ class Runner {
   std::vector<bool> settled_;  // will not change any more: finished, failed, skipped or not wanted
   std::vector<bool> working_;  // has a job
   std::vector<bool> told_;     // that it waits
+  std::vector<ExitCode> exits_;  // of the stages that ended
   std::vector<bool> wanted_, forced_;
   std::vector<std::vector<std::size_t>> awaited_;
   std::map<std::size_t, std::optional<StageKey>> keys_;  // of the stages that have begun
@@ -378,7 +401,6 @@ class Runner {
   std::size_t waiting_ = 0, first_ = 0, settled_count_ = 0;  // settled: of those that are wanted
   std::optional<Error> failure_;                             // the first
   std::string last_error_;                                   // that a stage wrote
-  ExitCode worst_ = ExitCode::ok;
 };
 
 void print_verdicts(const Plan& plan, const Survey& found, const std::vector<bool>& wanted) {

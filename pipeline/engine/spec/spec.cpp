@@ -86,21 +86,41 @@ class SpecReader {
                        "stages: with one key per stage");
     }
     for (const auto& setting : one.settings) apply_param(setting, made.stages);
+    made.adapt = read_adapt();
     return made;
   }
 
-  int read_rounds() const {
-    const SpecFile& file = last_with("rounds");
-    const YAML::Node node = file.root["rounds"];
-    if (!node) return 1;
+  static int count_rounds(const SpecFile& file, const YAML::Node& node, const std::string& field) {
     int rounds = 0;
     if (node.IsScalar() && YAML::convert<int>::decode(node, rounds) && rounds >= 1 &&
         rounds <= max_rounds) {
       return rounds;
     }
-    throw spec_error(file.path, node, "rounds",
+    throw spec_error(file.path, node, field,
                      node.IsScalar() ? "'" + node.Scalar() + "'" : "no number",
                      fmt::format("1 to {}", max_rounds));
+  }
+
+  // How often each case is run, at most.
+  int read_rounds() const {
+    const SpecFile& file = last_with("rounds");
+    const YAML::Node node = file.root["rounds"];
+    const SpecFile& adapting = last_with("adapt");
+    const YAML::Node adapt = adapting.root["adapt"];
+    if (!adapt) return node ? count_rounds(file, node, "rounds") : 1;
+    if (node) throw spec_error(file.path, node, "rounds", "given beside adapt", "one of the two");
+    expect_map(adapting.path, adapt, "adapt", "adapt: {total: 2 %, at_most: 60000}");
+    const YAML::Node most = adapt["rounds"];
+    return most ? count_rounds(adapting, most, "adapt.rounds") : adapt_rounds;
+  }
+
+  Json read_adapt() const {
+    const SpecFile& file = last_with("adapt");
+    const YAML::Node node = file.root["adapt"];
+    if (!node) return nullptr;
+    Json adapt = read_value(file.path, node, "adapt", variables_);
+    adapt.erase("rounds");
+    return adapt;
   }
 
   // Named like the cases of a sweep.
@@ -119,13 +139,14 @@ class SpecReader {
 
   // A case for each round up to the last one.
   static std::vector<SpecCase> in_rounds(SpecCase one, int rounds, int last) {
-    if (rounds == 1) return {std::move(one)};
+    if (rounds == 1 && one.adapt.is_null()) return {std::move(one)};
     std::vector<SpecCase> all;
     for (int round = 1; round <= last; ++round) {
       SpecCase made = one;
       made.name = round_name(one.name, round);
       made.settings["round"] = std::to_string(round);
       if (round > 1) made.follows = all.back().name;
+      if (round == rounds && !made.adapt.is_null()) made.adapt["last"] = true;
       all.push_back(std::move(made));
     }
     return all;

@@ -13,7 +13,8 @@
 //   cases:                                   # runs of all of these stages (cases.hpp); or sweep:
 //     first: {input: one.nrrd}
 //   rounds: 2                                # each case so often, with cells for the error of the
-//                                            # round before (graph.hpp, earlier_role)
+//                                            # round before (graph.hpp, earlier_role); or
+//   adapt: {total: 2 %, at_most: 60000}      # as often as that takes (SpecCase::adapt)
 //   gather:                                  # stages that run once, on what every case has made
 //     compare: {title: All of them}
 #pragma once
@@ -53,9 +54,13 @@ struct SpecCase {
   std::vector<SpecStage> stages;                // in the order written
   std::map<std::string, std::string> settings;  // what makes it this case, as written
   std::string follows = {};                     // the case of the round before; empty: none
+  // What `adapt` of the spec says, for the stage that has a param of that name: it knows whether
+  // the body is good enough, or else writes the role that the next round reads. Null: no `adapt`.
+  Json adapt = nullptr;
 };
 
 inline constexpr int max_rounds = 20;
+inline constexpr int adapt_rounds = 6;  // of `adapt` at most, where it does not say how many
 
 // A case that cannot run as it is set up, in a spec whose others can.
 struct RefusedCase {

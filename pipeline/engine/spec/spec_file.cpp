@@ -10,8 +10,8 @@ namespace viscera::engine {
 namespace fs = std::filesystem;
 namespace {
 
-const std::vector<std::string> known_keys = {"viscera", "include", "vars",   "stages",
-                                             "cases",   "sweep",   "rounds", "gather"};
+const std::vector<std::string> known_keys = {"viscera", "include", "vars",  "stages", "cases",
+                                             "sweep",   "rounds",  "adapt", "gather"};
 
 void check_keys(const SpecFile& file) {
   for (const auto& item : file.root) {

@@ -20,7 +20,6 @@
 namespace viscera {
 namespace {
 
-constexpr double absurd_tets = 20e6;
 // Measured on livers of 10,000 to 1.1 million tets by both routes, as peaks of the whole stage.
 constexpr double program_bytes = 80e6, bytes_per_tet = 650.0, bytes_per_voxel = 12.0;
 constexpr int trial_rounds = 2;  // of improvement: enough to know volumes and the number of tets
@@ -321,15 +320,15 @@ double MeshJob::expected_tets(double cell_size) const {
 
 void MeshJob::check_cell_size(double cell_size) const {
   const double estimate = expected_tets(cell_size);
-  if (estimate <= absurd_tets) return;
-  throw Error(ExitCode::bad_config,
-              {.where = "parameters",
-               .field = "cell_size",
-               .found = fmt::format("{:.3g} mm asks for about {:.0f} million tets in {:.0f} ml",
-                                    cell_size, estimate / 1e6, body_volume_ / 1000.0),
-               .allowed = fmt::format("at most {:.0f} million", absurd_tets / 1e6),
-               .remedy = fmt::format("use {:.2g} mm or more",
-                                     std::cbrt(expected_tets(1.0) / absurd_tets))});
+  if (estimate <= most_tets) return;
+  throw Error(
+      ExitCode::bad_config,
+      {.where = "parameters",
+       .field = "cell_size",
+       .found = fmt::format("{:.3g} mm asks for about {:.0f} million tets in {:.0f} ml", cell_size,
+                            estimate / 1e6, body_volume_ / 1000.0),
+       .allowed = fmt::format("at most {:.0f} million", most_tets / 1e6),
+       .remedy = fmt::format("use {:.2g} mm or more", std::cbrt(expected_tets(1.0) / most_tets))});
 }
 
 double MeshJob::estimate_memory(double tets) const {

@@ -23,6 +23,8 @@ std::optional<SurfaceMesh> body_of(const SurfaceMesh& all);
 
 // What is to be meshed, and how. Defaults are those of viscera-tetmesh, and ranges those that it
 // declares; they are not checked here.
+inline constexpr double fewest_tets = 100.0, most_tets = 20e6;  // that may be asked for
+
 struct MeshRequest {
   enum class Route { automatic, fields, surface };  // automatic: fields where labels are given
   enum class Improver { own, cgal, none };
@@ -51,6 +53,7 @@ struct MeshRequest {
     std::string file;  // what errors call it
   };
   std::optional<SizedMesh> size_field;
+  std::optional<std::size_t> target_tets;  // none: as many as the cell size gives
 
   // Whether the fields of labels are meshed, or else the surface, where both or one are given.
   // Throws Error(bad_config) where route, inputs, mesher and improver do not fit.

@@ -1,0 +1,33 @@
+// How far the body at rest is off, and whether a finer mesh is to follow.
+#pragma once
+
+#include <optional>
+
+#include "sim/solvers/options.hpp"
+#include "stages/mesh/tet_mesh.hpp"
+#include "stages/program/stage_main.hpp"
+#include "stages/simulate/frame_loop.hpp"
+
+namespace viscera {
+
+// The parameter `adapt`.
+struct AdaptGoal {
+  double total = 0.0;       // error of the displacement at rest, as a share of it
+  std::size_t at_most = 0;  // tets
+  bool last = false;        // no mesh follows this one
+};
+
+Param adapt_param();
+// None: not asked for. Throws Error(bad_config).
+std::optional<AdaptGoal> read_adapt(const StageRun& run);
+
+// How far the body at rest is off (sim/error_bar.hpp), the centroids of its labels, the probes and
+// the gaps, of a run that was solved with `options`; where that is unknown, why. Takes seconds to
+// minutes. Writes size_field.vtu for the next mesh: with an AdaptGoal only where it is missed and a
+// finer mesh may meet it; where none may, a gate fails.
+void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& model,
+                      const SceneFile& file, const std::vector<sim::Probe>& probes,
+                      const std::vector<sim::GapProbe>& gaps, const Outcome& outcome,
+                      const sim::SolverOptions& options);
+
+}  // namespace viscera
