@@ -1,8 +1,12 @@
 #include "stages/simulate/error_report.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <chrono>
 #include <limits>
 
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
 #include "sim/error_bar.hpp"
 #include "stages/mesh/tet_io.hpp"
@@ -16,6 +20,8 @@ namespace {
 std::vector<Param> adapt_params() {
   return {quantity("total", nullptr, "1", 1e-6, 1.0,
                    "error of the displacement at rest, as a share of it"),
+          quantity("within", nullptr, "mm", 1e-9, 1e6, "or the error as a length"),
+          {.name = "of", .fallback = "", .doc = "of a label's centroid, a probe or a gap alone"},
           {.name = "at_most",
            .type = ParamType::integer,
            .fallback = nullptr,
@@ -86,27 +92,50 @@ void report_parts(StageRun& run, const sim::Model& model, const std::vector<sim:
       m_to_mm * mesh_part, m_to_mm * support);
 }
 
+// What a goal is about: the error now and how much of it is allowed, m.
+struct Aim {
+  sim::ErrorParts now;
+  double allowed = 0.0;
+};
+
+Aim aim_of(const AdaptGoal& goal, const sim::ErrorBar& bar, const std::vector<sim::Probe>& asked) {
+  const auto one = std::ranges::find(asked, goal.of, &sim::Probe::name);
+  return {one == asked.end() ? bar.displacement : bar.probes[one - asked.begin()],
+          goal.total ? *goal.total * bar.size : mm_to_m * *goal.within};
+}
+
 // How many tets the next mesh is to have; nothing where this one will do, or no other would.
-std::optional<std::size_t> next_mesh(const AdaptGoal& goal, const sim::ErrorBar& bar,
-                                     std::size_t tets) {
-  const auto& parts = bar.displacement;
-  const double aim = goal.total * bar.size;
-  if (parts.total <= aim) {
-    log::info("adapt: within {:.3g} %, no finer mesh is needed", 100.0 * goal.total);
+std::optional<std::size_t> next_mesh(const AdaptGoal& goal, const Aim& aim, std::size_t tets) {
+  const auto& [now, allowed] = aim;
+  const std::string off =
+      fmt::format("{} is off by {:.3g} mm of {:.3g} allowed",
+                  goal.of.empty() ? "the body" : goal.of, m_to_mm * now.total, m_to_mm * allowed);
+  if (now.total <= allowed) {
+    log::info("adapt: {}: no finer mesh is needed", off);
     return std::nullopt;
   }
-  const auto next = goal.last ? std::nullopt : sim::tets_for(aim, parts, tets, goal.at_most);
+  const auto next = goal.last ? std::nullopt : sim::tets_for(allowed, now, tets, goal.at_most);
   if (next) {
-    log::info("adapt: for {:.3g} % the next mesh is to have {} tets", 100.0 * goal.total, *next);
+    log::info("adapt: {}: the next mesh is to have {} tets", off, *next);
   } else if (goal.last) {
-    log::warn("adapt: ends with its last round");
-  } else if (parts.solver + parts.support >= aim) {
-    log::warn("adapt: ends, for solver and support alone are off by {:.3g} mm of {:.3g} allowed",
-              m_to_mm * (parts.solver + parts.support), m_to_mm * aim);
+    log::warn("adapt: {}, and this was the last round", off);
+  } else if (now.solver + now.support >= allowed) {
+    log::warn("adapt: {}, {:.3g} mm of it by solver and support, which no finer mesh changes", off,
+              m_to_mm * (now.solver + now.support));
   } else {
-    log::warn("adapt: ends, for a finer mesh would have more than {} tets", goal.at_most);
+    log::warn("adapt: {}, and a finer mesh would have more than {} tets", off, goal.at_most);
   }
   return next;
+}
+
+void judge(StageRun& run, const AdaptGoal& goal, const sim::ErrorBar& bar,
+           const std::optional<Aim>& aim) {
+  const double off = aim ? aim->now.total : std::numeric_limits<double>::quiet_NaN();
+  if (goal.total) {
+    run.gate(simulate_gates::adapt_total, off / bar.size, *goal.total);
+  } else {
+    run.gate(simulate_gates::adapt_within, m_to_mm * off, *goal.within);
+  }
 }
 
 }  // namespace
@@ -118,17 +147,45 @@ Param adapt_param() {
           .doc =
               "finds the error, as `certify`, and writes size_field.vtu only while it is too "
               "large: {total: 2 %, at_most: 60000}, a share of the displacement at rest and a "
-              "number of tets. Set by `adapt` of a spec"};
+              "number of tets, or {within: 0.3 mm, of: tumour, at_most: 60000}, of a label's "
+              "centroid, a probe or a gap. Set by `adapt` of a spec"};
 }
 
 std::optional<AdaptGoal> read_adapt(const StageRun& run) {
   if (!run.has_param("adapt")) return std::nullopt;
   const Json& given = run.params().at("adapt");
   const Json values = resolve(adapt_params(), given, "parameters", "adapt.");
-  for (const Param& param : adapt_params())
-    resolve_required(param, values.at(param.name), "parameters", "adapt." + param.name);
-  return AdaptGoal{values.at("total").get<double>(), values.at("at_most").get<std::size_t>(),
-                   values.at("last").get<bool>()};
+  AdaptGoal goal{.of = values.at("of").get<std::string>(), .last = values.at("last").get<bool>()};
+  const auto refuse = [](const char* field, const char* found, const char* allowed) {
+    throw Error(ExitCode::bad_config, {.where = "parameters",
+                                       .field = std::string("adapt.") + field,
+                                       .found = found,
+                                       .allowed = allowed});
+  };
+  if (values.at("at_most").is_null()) refuse("at_most", "nothing", "a number of tets");
+  goal.at_most = values.at("at_most").get<std::size_t>();
+  if (!values.at("total").is_null()) goal.total = values.at("total").get<double>();
+  if (!values.at("within").is_null()) goal.within = values.at("within").get<double>();
+  if (goal.total.has_value() == goal.within.has_value())
+    refuse("total", goal.total ? "given beside within" : "nothing", "total or within");
+  if (goal.total && !goal.of.empty())
+    refuse("of", "given beside total", "within, or total of the whole body");
+  return goal;
+}
+
+void check_adapt(const StageRun& run, const sim::Model& model,
+                 const std::vector<sim::Probe>& probes, const std::vector<sim::GapProbe>& gaps) {
+  const auto goal = read_adapt(run);
+  if (!goal || goal->of.empty()) return;
+  std::vector<std::string> names = model.label_names;
+  for (const auto& probe : probes) names.push_back(probe.name);
+  for (const auto& gap : gaps) names.push_back(gap.name);
+  if (std::ranges::count(names, goal->of) > 0) return;
+  throw Error(ExitCode::bad_config, {.where = "parameters",
+                                     .field = "adapt.of",
+                                     .found = "'" + goal->of + "'",
+                                     .allowed = "a label, a probe or a gap",
+                                     .remedy = suggest(goal->of, names)});
 }
 
 void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& model,
@@ -137,6 +194,7 @@ void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& mode
                       const sim::SolverOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
   const std::vector<sim::Probe> asked = asked_of(model, file, probes, gaps, outcome);
+  const auto goal = read_adapt(run);
   const sim::ErrorBar bar = find_error_bar(model, file, asked, outcome, options);
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - begin;
   run.machine_metric("error_bar_wall", wall.count(), "s");
@@ -147,14 +205,10 @@ void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& mode
   } else {
     log::warn("how far the body is off is not known: {}", bar.unknown);
   }
-  const auto goal = read_adapt(run);
-  const auto next = goal && is_known ? next_mesh(*goal, bar, mesh.tets.size()) : std::nullopt;
-  if (goal && !next) {
-    run.gate(
-        simulate_gates::adapt_total,
-        is_known ? bar.displacement.total / bar.size : std::numeric_limits<double>::quiet_NaN(),
-        goal->total);
-  }
+  std::optional<Aim> aim;
+  if (goal && is_known) aim = aim_of(*goal, bar, asked);
+  const auto next = aim ? next_mesh(*goal, *aim, mesh.tets.size()) : std::nullopt;
+  if (goal && !next) judge(run, *goal, bar, aim);
   if (!is_known || (goal && !next)) return;
   TetMesh sized = mesh;
   if (next) sized.numbers[wanted_tets] = static_cast<double>(*next);

@@ -12,14 +12,19 @@ namespace viscera {
 
 // The parameter `adapt`.
 struct AdaptGoal {
-  double total = 0.0;       // error of the displacement at rest, as a share of it
-  std::size_t at_most = 0;  // tets
-  bool last = false;        // no mesh follows this one
+  std::optional<double> total;   // error of the displacement at rest, as a share of it; or
+  std::optional<double> within;  // mm, the same, or that of one quantity,
+  std::string of;                // by its name: a label's centroid, a probe or a gap
+  std::size_t at_most = 0;       // tets
+  bool last = false;             // no mesh follows this one
 };
 
 Param adapt_param();
 // None: not asked for. Throws Error(bad_config).
 std::optional<AdaptGoal> read_adapt(const StageRun& run);
+// Throws Error(bad_config) where what it names is none of the model's.
+void check_adapt(const StageRun& run, const sim::Model& model,
+                 const std::vector<sim::Probe>& probes, const std::vector<sim::GapProbe>& gaps);
 
 // How far the body at rest is off (sim/error_bar.hpp), the centroids of its labels, the probes and
 // the gaps, of a run that was solved with `options`; where that is unknown, why. Takes seconds to

@@ -15,12 +15,19 @@ const GateInfo inverted_end(
     "the body is not at rest.",
     "raise substeps, set solver: xpbd or fem, set element: linear, or lower tetmesh.cell_size "
     "where the body is thin");
+constexpr const char* adapt_remedy =
+    "raise adapt.at_most or adapt.rounds, or substeps where the solver's part is large, or put "
+    "supports into tetmesh.regions; or allow more by ";
 const GateInfo adapt_total(
     "adapt_total", "<=", "1",
     "The body at rest is farther off than `adapt` asks for, or how far is not known: positions are "
     "not good to this share of the displacement, and no finer mesh follows.",
-    "raise adapt.at_most or adapt.rounds, or substeps where the solver's part is large, or put "
-    "supports into tetmesh.regions; or allow more by adapt.total");
+    std::string(adapt_remedy) + "adapt.total");
+const GateInfo adapt_within(
+    "adapt_within", "<=", "mm",
+    "What `adapt` names is farther off at rest than it asks for, or how far is not known: its "
+    "place is not good to this length, and no finer mesh follows.",
+    std::string(adapt_remedy) + "adapt.within");
 
 namespace {
 
@@ -114,7 +121,7 @@ GateInfo expected(const std::string& metric, const std::string& comparison) {
 }
 
 std::vector<GateInfo> all() {
-  std::vector<GateInfo> gates = {damping_acting, inverted_end, adapt_total};
+  std::vector<GateInfo> gates = {damping_acting, inverted_end, adapt_total, adapt_within};
   for (const auto& metric : expectable())
     for (const char* comparison : {">=", "<="}) gates.push_back(expected(metric, comparison));
   return gates;

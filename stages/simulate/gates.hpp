@@ -8,7 +8,7 @@
 
 namespace viscera::simulate_gates {
 
-extern const GateInfo damping_acting, inverted_end, adapt_total;
+extern const GateInfo damping_acting, inverted_end, adapt_total, adapt_within;
 
 // Metrics on which a scene may set an expectation.
 std::vector<std::string> expectable();

@@ -248,6 +248,7 @@ void simulate(StageRun& run) {
   auto [file, mesh, model] = set_up(run);
   const std::vector<sim::Probe> probes = read_probes(run, model);
   const std::vector<sim::GapProbe> gaps = read_gaps(run, model, file.scene);
+  check_adapt(run, model, probes, gaps);
   const Schedule schedule(file);
   const int asked_substeps = file.scene.time.substeps;
   const auto [options, why] = solver_choice(run, model, file.scene);

@@ -72,6 +72,28 @@ TEST_F(Simulate, AnAdaptedRunAsksForAFinerMeshUntilItIsGoodEnoughOrMayNotGrow) {
   EXPECT_EQ(adapted("{total: 2 %}"), 3);
   EXPECT_NE(errors.find("adapt.at_most"), std::string::npos) << errors;
   EXPECT_EQ(adapted("{total: 2 mm, at_most: 5000}"), 3);
+  EXPECT_EQ(adapted("{total: 2 %, within: 2 mm, at_most: 5000}"), 3);
+  EXPECT_EQ(adapted("{total: 2 %, of: liver, at_most: 5000}"), 3);
+}
+
+TEST_F(Simulate, AnAdaptedRunMayAskForOneQuantityToALength) {
+  const std::string held =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  const auto adapted = [&](const std::string& within, const char* of) {
+    const auto goal = fmt::format("adapt={{within: {} mm, of: {}, at_most: 160}}", within, of);
+    return run(held, {"--set", goal, "--set", "probes={tip: {point: [1 mm, 2 mm, 53 mm]}}"});
+  };
+  ASSERT_EQ(adapted("100", "tip"), 0) << errors;
+  const double tip = metric("error_probes").at("tip").get<double>();
+  const double liver = metric("error_centroids").at("liver").get<double>();
+  ASSERT_GT(std::abs(tip - liver), 0.1 * liver) << "the test cannot tell one from the other";
+  for (const auto& [name, error] : {std::pair("tip", tip), {"liver", liver}}) {
+    EXPECT_EQ(adapted(fmt::format("{}", 1.01 * error), name), 0) << name << errors;
+    EXPECT_EQ(adapted(fmt::format("{}", 0.99 * error), name), 5) << name;
+  }
+  EXPECT_NE(errors.find("adapt_within"), std::string::npos) << errors;
+  EXPECT_EQ(adapted("1", "liber"), 3);
+  EXPECT_NE(errors.find("did you mean 'liver'?"), std::string::npos) << errors;
 }
 
 TEST_F(Simulate, ForcesAtRestCarryTheWeightAndAreColumnsOfTheMetrics) {
