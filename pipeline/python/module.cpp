@@ -132,6 +132,27 @@ class Guarded {
     }
     return all;
   }
+  // Lengths in mm.
+  py::dict certify() {
+    const auto lock = alone();
+    const auto found = beside_others([this] { return simulation_->certify(); });
+    const sim::ErrorBar& bar = found.bar;
+    if (!bar.unknown.empty())
+      throw std::runtime_error("how far the body is off is not known: " + bar.unknown);
+    const auto [solver, element, mesh, support, total] = bar.displacement;
+    py::dict parts, quantities;
+    parts["total"] = m_to_mm * total;
+    parts["share"] = total / bar.size;
+    parts["solver"] = m_to_mm * solver;
+    parts["element"] = m_to_mm * element;
+    parts["mesh"] = m_to_mm * mesh;
+    parts["support"] = m_to_mm * support;
+    for (std::size_t k = 0; k < found.quantities.size(); ++k)
+      quantities[py::str(found.quantities[k].name)] = m_to_mm * bar.probes[k].total;
+    parts["quantities"] = quantities;
+    parts["size_field"] = found.sized;
+    return parts;
+  }
   // [vertices][3] N.
   py::array forces() {
     const auto lock = alone();
@@ -268,6 +289,7 @@ void define_simulation(py::module_& module) {
       .def("step", &Guarded::step, py::arg("frames") = 1)
       .def("run", &Guarded::run, py::arg("progress") = py::none(), py::arg("until") = py::none())
       .def("diagnose", &Guarded::diagnose)
+      .def("certify", &Guarded::certify)
       .def("set", &Guarded::set)
       .def("gradient", &Guarded::gradient)
       .def("write", &Guarded::write)

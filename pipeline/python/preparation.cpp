@@ -82,7 +82,8 @@ Surface surface_of(const Labels& labels, const Json& params) {
   return surface;
 }
 
-NamedMesh mesh_of(const Labels* labels, const Surface* surface, const Json& params) {
+NamedMesh mesh_of(const Labels* labels, const Surface* surface, const NamedMesh* size_field,
+                  const Json& params) {
   for (const char* name : {"formats", "time_limit"}) {
     if (!params.contains(name)) continue;
     throw Error(ExitCode::bad_config, {.where = given_params,
@@ -93,8 +94,9 @@ NamedMesh mesh_of(const Labels* labels, const Surface* surface, const Json& para
   }
   StageRun run = run_of(tetmesh_stage(), {}, params);
   NamedMesh named;
-  named.mesh =
-      make_tets(run, labels ? &labels->image : nullptr, surface ? &surface->mesh : nullptr);
+  named.mesh = make_tets(run, {.labels = labels ? &labels->image : nullptr,
+                               .surface = surface ? &surface->mesh : nullptr,
+                               .size_field = size_field ? &size_field->mesh : nullptr});
   named.said = said_by(run);
   return named;
 }

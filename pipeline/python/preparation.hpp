@@ -31,8 +31,10 @@ Labels labels_of(LabelImage volume, const Json& params);
 
 Surface surface_of(const Labels& labels, const Json& params);
 
-// Of both, or of one where the other is null. Refuses params of files and processes.
-NamedMesh mesh_of(const Labels* labels, const Surface* surface, const Json& params);
+// Of both, or of one where the other is null; cells of the sizes that `size_field` has in its array
+// (relative_size), where there is one. Refuses params of files and processes.
+NamedMesh mesh_of(const Labels* labels, const Surface* surface, const NamedMesh* size_field,
+                  const Json& params);
 
 // Throws Error(bad_input) for triangles of vertices that there are not, and places that are not
 // finite.

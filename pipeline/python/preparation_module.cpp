@@ -87,13 +87,16 @@ void define_labels(py::module_& module) {
           "A smooth closed surface of each material; params are those of viscera-surface.")
       .def(
           "tet_mesh",
-          [](const Labels& self, const Surface* surface, const py::kwargs& params) {
+          [](const Labels& self, const Surface* surface, const NamedMesh* size_field,
+             const py::kwargs& params) {
             const Json values = json_of(params);
-            return beside_others([&] { return mesh_of(&self, surface, values); });
+            return beside_others([&] { return mesh_of(&self, surface, size_field, values); });
           },
-          py::arg("surface") = py::none(),
+          py::arg("surface") = py::none(), py::arg("size_field") = py::none(),
           "A tetrahedral mesh of all materials; params are those of viscera-tetmesh, as in "
-          "cell_size=\"5 mm\". The mesh's distance from a surface is measured.")
+          "cell_size=\"5 mm\". The mesh's distance from a surface is measured. size_field: a mesh "
+          "of "
+          "these labels with cell sizes, of Simulation.certify().")
       .def("__repr__", [](const Labels& self) {
         const auto& size = self.image.frame.size;
         return fmt::format("<viscera.Labels: {} x {} x {} voxels, {} materials>", size[0], size[1],
@@ -132,7 +135,7 @@ void define_surface(py::module_& module) {
           "tet_mesh",
           [](const Surface& self, const py::kwargs& params) {
             const Json values = json_of(params);
-            return beside_others([&] { return mesh_of(nullptr, &self, values); });
+            return beside_others([&] { return mesh_of(nullptr, &self, nullptr, values); });
           },
           "A tetrahedral mesh inside the surface; params are those of viscera-tetmesh.")
       .def("__repr__", [](const Surface& self) {

@@ -5,6 +5,8 @@
 
 #include "sim/measures/forces.hpp"
 #include "sim/sensitivity.hpp"
+#include "stages/mesh/tet_io.hpp"
+#include "stages/simulate/error_report.hpp"
 #include "stages/simulate/exchange/static_problem.hpp"
 #include "stages/simulate/probes.hpp"
 #include "stages/simulate/scene/scene_number.hpp"
@@ -109,6 +111,19 @@ std::vector<sim::Strained> Simulation::strained() {
   check_stress(run_, scene(), options_.method);
   const int order = setup_.file.element == sim::Element::quadratic ? 2 : 1;
   return sim::stress_field(body(), scene(), *state(), order).tets;
+}
+
+Simulation::Certified Simulation::certify() {
+  Certified found;
+  translated(run_, [&] {
+    const int order = setup_.file.element == sim::Element::quadratic ? 2 : 1;
+    found.quantities = asked_of_error_bar(body(), scene(), probes_, gaps_, state()->u, time_s());
+    found.bar =
+        sim::error_bar(body(), scene(), *state(), order, options_.pause_point, found.quantities);
+  });
+  found.sized.mesh = setup_.mesh;
+  found.sized.mesh.cell_data[relative_size] = {found.bar.sizes.begin(), found.bar.sizes.end()};
+  return found;
 }
 
 std::vector<sim::Vec3<double>> Simulation::forces() {

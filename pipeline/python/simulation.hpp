@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "pipeline/python/named_mesh.hpp"
+#include "sim/error_bar.hpp"
 #include "sim/solvers/fem/stress_field.hpp"
 #include "stages/simulate/explicit_watch.hpp"
 #include "stages/simulate/frame_columns.hpp"
@@ -33,6 +34,14 @@ class Simulation {
   sim::Diagnostics diagnose();
   // [tets], of now. Throws Error(bad_config) where nothing says which stresses there are.
   std::vector<sim::Strained> strained();
+  // How far the state of now is off the equilibrium near it, the displacement and each of the
+  // quantities; takes as long as some implicit steps.
+  struct Certified {
+    std::vector<sim::Probe> quantities;
+    sim::ErrorBar bar;
+    NamedMesh sized;  // the mesh with the cell sizes wanted, where the bar is known
+  };
+  Certified certify();
   // [vertices] N, of now: what the elements do to them.
   std::vector<sim::Vec3<double>> forces();
 

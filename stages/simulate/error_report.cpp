@@ -34,23 +34,6 @@ std::vector<Param> adapt_params() {
            .doc = "no mesh follows this one: the engine sets it in the last round"}};
 }
 
-// What is asked of the error bar: the centroid of every label, and then what the run was to follow;
-// of a gap the vertex that is nearest, than which the gap is off by no more.
-std::vector<sim::Probe> asked_of(const sim::Model& model, const SceneFile& file,
-                                 const std::vector<sim::Probe>& probes,
-                                 const std::vector<sim::GapProbe>& gaps, const Outcome& outcome) {
-  std::vector<sim::Probe> asked;
-  for (std::size_t m = 0; m < model.materials.size(); ++m)
-    asked.push_back(sim::probe_of_centroid(model, model.label_names[m], static_cast<int>(m)));
-  asked.insert(asked.end(), probes.begin(), probes.end());
-  for (const sim::GapProbe& gap : gaps) {
-    const double end_s = outcome.frames.back().time_s;
-    const int nearest = gap_now(model, file.scene, gap, outcome.last.u, end_s).nearest;
-    asked.push_back({gap.name, {{nearest, 1.0}}});
-  }
-  return asked;
-}
-
 sim::ErrorBar find_error_bar(const sim::Model& model, const SceneFile& file,
                              const std::vector<sim::Probe>& asked, const Outcome& outcome,
                              const sim::SolverOptions& options) {
@@ -188,12 +171,28 @@ void check_adapt(const StageRun& run, const sim::Model& model,
                                      .remedy = suggest(goal->of, names)});
 }
 
+std::vector<sim::Probe> asked_of_error_bar(const sim::Model& model, const sim::Scene& scene,
+                                           const std::vector<sim::Probe>& probes,
+                                           const std::vector<sim::GapProbe>& gaps,
+                                           const std::vector<sim::Vec3<double>>& u, double end_s) {
+  std::vector<sim::Probe> asked;
+  for (std::size_t m = 0; m < model.materials.size(); ++m)
+    asked.push_back(sim::probe_of_centroid(model, model.label_names[m], static_cast<int>(m)));
+  asked.insert(asked.end(), probes.begin(), probes.end());
+  for (const sim::GapProbe& gap : gaps) {
+    const int nearest = gap_now(model, scene, gap, u, end_s).nearest;
+    asked.push_back({gap.name, {{nearest, 1.0}}});
+  }
+  return asked;
+}
+
 void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& model,
                       const SceneFile& file, const std::vector<sim::Probe>& probes,
                       const std::vector<sim::GapProbe>& gaps, const Outcome& outcome,
                       const sim::SolverOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
-  const std::vector<sim::Probe> asked = asked_of(model, file, probes, gaps, outcome);
+  const std::vector<sim::Probe> asked = asked_of_error_bar(
+      model, file.scene, probes, gaps, outcome.last.u, outcome.frames.back().time_s);
   const auto goal = read_adapt(run);
   const sim::ErrorBar bar = find_error_bar(model, file, asked, outcome, options);
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - begin;

@@ -26,6 +26,14 @@ std::optional<AdaptGoal> read_adapt(const StageRun& run);
 void check_adapt(const StageRun& run, const sim::Model& model,
                  const std::vector<sim::Probe>& probes, const std::vector<sim::GapProbe>& gaps);
 
+// What is asked of the error bar beside the displacement: the centroid of every label, and then the
+// probes and the gaps; of a gap the vertex that is nearest in the state `u`, [n] m, at `end_s`,
+// than which the gap is off by no more.
+std::vector<sim::Probe> asked_of_error_bar(const sim::Model& model, const sim::Scene& scene,
+                                           const std::vector<sim::Probe>& probes,
+                                           const std::vector<sim::GapProbe>& gaps,
+                                           const std::vector<sim::Vec3<double>>& u, double end_s);
+
 // How far the body at rest is off (sim/error_bar.hpp), the centroids of its labels, the probes and
 // the gaps, of a run that was solved with `options`; where that is unknown, why. Takes seconds to
 // minutes. Writes size_field.vtu for the next mesh: with an AdaptGoal only where it is missed and a

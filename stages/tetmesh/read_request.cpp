@@ -41,40 +41,6 @@ RegionRequest read_region(const std::string& name, const Json& given) {
   return region;
 }
 
-MeshRequest::SizedMesh read_size_field(const std::filesystem::path& file) {
-  TetMesh mesh = read_vtu(file);
-  const auto found = mesh.cell_data.find(relative_size);
-  const auto refuse = [&file](std::string what) {
-    return Error(ExitCode::bad_input,
-                 {.where = file.string(),
-                  .field = fmt::format("CellData/{}", relative_size),
-                  .found = std::move(what),
-                  .allowed = "for each tet a part of the cell size, more than 0",
-                  .remedy = "give the size_field.vtu that viscera-simulate writes with certify"});
-  };
-  if (found == mesh.cell_data.end()) throw refuse("no such array");
-  std::vector<float> sizes = found->second;
-  for (const float size : sizes)
-    if (!(size > 0.0f && std::isfinite(size))) throw refuse(fmt::format("{:g}", size));
-  return {std::move(mesh), std::move(sizes), file.string()};
-}
-
-// How many tets a mesh of the sizes is to have, where the file says so.
-std::optional<std::size_t> tets_wanted_by(const MeshRequest::SizedMesh& field) {
-  const auto found = field.mesh.numbers.find(wanted_tets);
-  if (found == field.mesh.numbers.end()) return std::nullopt;
-  if (found->second >= fewest_tets && found->second <= most_tets) {
-    log::info("{} asks for {:.0f} tets", field.file, found->second);
-    return static_cast<std::size_t>(found->second);
-  }
-  throw Error(ExitCode::bad_input,
-              {.where = field.file,
-               .field = fmt::format("FieldData/{}", wanted_tets),
-               .found = fmt::format("{:g}", found->second),
-               .allowed = fmt::format("{:.0f} to {:.0f}", fewest_tets, most_tets),
-               .remedy = "write the file again with viscera-simulate"});
-}
-
 }  // namespace
 
 Param size_param() {
@@ -138,13 +104,43 @@ MeshRequest request_of(const StageRun& run) {
   return request;
 }
 
+void take_size_field(TetMesh mesh, const std::string& file, MeshRequest& request) {
+  const auto refuse = [&file](std::string field, std::string found, std::string allowed) {
+    return Error(ExitCode::bad_input,
+                 {.where = file,
+                  .field = std::move(field),
+                  .found = std::move(found),
+                  .allowed = std::move(allowed),
+                  .remedy = "give the size_field.vtu that viscera-simulate writes with certify"});
+  };
+  const auto refuse_sizes = [&](std::string found) {
+    return refuse(fmt::format("CellData/{}", relative_size), std::move(found),
+                  "for each tet a part of the cell size, more than 0");
+  };
+  const auto found = mesh.cell_data.find(relative_size);
+  if (found == mesh.cell_data.end()) throw refuse_sizes("no such array");
+  std::vector<float> sizes = found->second;
+  for (const float size : sizes)
+    if (!(size > 0.0f && std::isfinite(size))) throw refuse_sizes(fmt::format("{:g}", size));
+  if (const auto wanted = mesh.numbers.find(wanted_tets); wanted != mesh.numbers.end()) {
+    const double tets = wanted->second;
+    if (!(tets >= fewest_tets && tets <= most_tets)) {
+      throw refuse(fmt::format("FieldData/{}", wanted_tets), fmt::format("{:g}", tets),
+                   fmt::format("{:.0f} to {:.0f}", fewest_tets, most_tets));
+    }
+    log::info("{} asks for {:.0f} tets", file, tets);
+    request.target_tets = static_cast<std::size_t>(tets);
+  }
+  request.size_field = {std::move(mesh), std::move(sizes), file};
+}
+
 MeshRequest read_request(const StageRun& run) {
   MeshRequest request = request_of(run);
   // Before any file is read.
   const bool by_fields = request.by_fields(run.has_input("labels"), run.has_input("surface"));
   if (run.has_input("size_field")) {
-    request.size_field = read_size_field(run.input("size_field"));
-    if (const auto wanted = tets_wanted_by(*request.size_field)) request.target_tets = wanted;
+    const auto& file = run.input("size_field");
+    take_size_field(read_vtu(file), file.string(), request);
   }
   if (run.has_input("labels")) {
     request.labels = read_image(run.input("labels")).image;

@@ -12,6 +12,10 @@ MeshRequest request_of(const StageRun& run);
 // Error.
 MeshRequest read_request(const StageRun& run);
 
+// The sizes of a mesh, and how many tets it wants where it says so. Throws Error(bad_input) that
+// calls it `file`.
+void take_size_field(TetMesh mesh, const std::string& file, MeshRequest& request);
+
 // What each value of the parameters `sizes` and `regions` is.
 Param size_param();
 std::vector<Param> region_params();

@@ -377,9 +377,11 @@ std::vector<OutputFile> outputs() {
 
 }  // namespace
 
-TetMesh make_tets(StageRun& run, const LabelImage* labels, const SurfaceMesh* surface) {
+TetMesh make_tets(StageRun& run, const TetSource& source) {
+  const auto& [labels, surface, size_field] = source;
   MeshRequest request = request_of(run);
   const bool by_fields = request.by_fields(labels != nullptr, surface != nullptr);
+  if (size_field) take_size_field(*size_field, "size_field", request);
   if (labels) request.labels = *labels;
   if (!by_fields) request.surface = *surface;
   Made made = make_mesh(run, std::move(request));

@@ -8,9 +8,16 @@
 
 namespace viscera {
 
-// The stage's work between reading and writing, for `run` with the stage's params: the mesh of
-// labels or a surface (one may be null), judged, its measures as cell data. Throws Error.
-TetMesh make_tets(StageRun& run, const LabelImage* labels, const SurfaceMesh* surface);
+// What the stage makes tets of; null: not given. Labels or a surface must be.
+struct TetSource {
+  const LabelImage* labels = nullptr;
+  const SurfaceMesh* surface = nullptr;
+  const TetMesh* size_field = nullptr;  // with the array relative_size (tet_io.hpp)
+};
+
+// The stage's work between reading and writing, for `run` with the stage's params: the mesh,
+// judged, its measures as cell data. Throws Error.
+TetMesh make_tets(StageRun& run, const TetSource& source);
 
 Stage tetmesh_stage();
 

@@ -126,6 +126,42 @@ def test_a_region_of_a_mesh_is_what_a_scene_holds(labels):
     assert moved.max() > 1e-4
 
 
+def test_a_certified_body_says_how_far_it_is_off_and_where_its_next_mesh_is_to_be_fine(labels):
+    regions = {"top": {"side": "superior", "within": "25 mm"}}
+    mesh = labels.tet_mesh(cell_size="18 mm", regions=regions)
+    scene = falling(fixed={"region": "top"})
+    scene["materials"] |= {"tumour": scene["materials"]["liver"], "vessels": scene["materials"]["liver"]}
+    scene["time"]["end"] = "4 s"
+    scene["rest"] = {"speed": "2 mm/s", "hold": "0.1 s"}
+    probe = {"tip": {"point": [f"{x} mm" for x in mesh.points[mesh.points[:, 2].argmin()]]}}
+    sim = viscera.Simulation(mesh, scene, probes=probe, threads=1)
+    assert sim.run()["rested"]
+    error = sim.certify()
+    assert 0.01 < error["share"] < 0.5
+    assert max(error["element"], error["mesh"]) < error["total"]
+    assert error["total"] <= sum(error[part] for part in ("solver", "element", "mesh", "support")) * (1 + 1e-12)
+    assert set(error["quantities"]) == {"liver", "tumour", "vessels", "tip"}
+    sizes = error["size_field"].cell_data["relative_size"]
+    assert sizes.shape == (len(mesh.tets),) and sizes.min() < 0.9 < 1.1 < sizes.max()
+
+    def share_where_cells_are_to_be_small(tets, points):
+        """Of the tets, those whose middle lies in the half of the old body that asks for the smallest cells."""
+        fine = mesh.points[mesh.tets[sizes < np.median(sizes)]].mean(axis=1)
+        coarse = mesh.points[mesh.tets[sizes >= np.median(sizes)]].mean(axis=1)
+        middles = points[tets].mean(axis=1)
+        return np.mean([((fine - p) ** 2).sum(axis=1).min() < ((coarse - p) ** 2).sum(axis=1).min()
+                        for p in middles])
+
+    wanted = 2 * len(mesh.tets)
+    finer = labels.tet_mesh(size_field=error["size_field"], target_tets=wanted, regions=regions)
+    assert len(finer.tets) == pytest.approx(wanted, rel=0.1)
+    even = labels.tet_mesh(target_tets=wanted, regions=regions)
+    assert (share_where_cells_are_to_be_small(finer.tets, finer.points)
+            > share_where_cells_are_to_be_small(even.tets, even.points))
+    with pytest.raises(viscera.Error, match="relative_size"):
+        labels.tet_mesh(size_field=mesh, cell_size="18 mm")
+
+
 def ball(voxels=20, radius=6.0):
     k, j, i = (axis - (voxels - 1) / 2 for axis in np.ogrid[:voxels, :voxels, :voxels])
     return (k**2 + j**2 + i**2 < radius**2).astype(np.uint8)

@@ -96,6 +96,18 @@ class Simulation(_viscera.Simulation):
         """Energies (J), volume, smallest det F, inverted tets and speeds of now, by name."""
         return super().diagnose()
 
+    def certify(self) -> dict[str, Any]:
+        """How far the body at rest is off, by finite elements on its own mesh, as `certify` of `viscera-simulate`.
+
+        Of the state of now, which should be at rest: what it lacks of that is in the solver's part. Lengths in mm,
+        root mean squares of the displacement over the body: `total`, which is no less than the true error where
+        nothing is known to the contrary, its parts `solver`, `element`, `mesh` and `support`, and `share`, the total
+        as a part of the displacement. `quantities`: the total of each label's centroid and each probe, by name.
+        `size_field`: the mesh with the cell sizes at which all tets would have the same part in the error, for
+        `labels.tet_mesh(size_field=..., target_tets=...)`. Raises RuntimeError where the error is not known.
+        """
+        return super().certify()
+
     def set(self, name: str, value: float) -> None:
         """Gives a number of the scene another value from now on, in its SI unit: "materials.liver.E", 7e3.
 
