@@ -37,6 +37,7 @@ TEST_F(Adapt, RoundsFollowOneAnotherUntilOneIsGoodEnoughAndItsExitCounts) {
   EXPECT_TRUE(has("round=2/weigh/manifest.json"));
   EXPECT_FALSE(has("round=3")) << "what is not needed leaves nothing";
   EXPECT_FALSE(contains(result.out, "round=3")) << result.out;
+  EXPECT_FALSE(contains(result.out, ": out/many/round=1")) << "a result that has been replaced";
   EXPECT_TRUE(contains(work_.viscera({"why", "many.yaml"}).out,
                        "round=3/grow: not needed: the round before asks for no other"));
   EXPECT_EQ(run("adapt: {lines: \"${lines}\"}\n").exit, 0);

@@ -83,9 +83,10 @@ class Runner {
     }
     std::cout << status_table(plan_.front().case_name.empty() ? rows : rows_worth_showing(rows));
     const bool gathered = plan_.back().gathers;
+    const std::vector<bool> passed_by = replaced();
     for (std::size_t i = 0; i < plan_.size(); ++i) {
       if (!folders_.is_last(i) || plan_[i].gathers != gathered) continue;
-      if (is_needless(plan_, i, entries_)) continue;
+      if (passed_by[i] || is_needless(plan_, i, entries_)) continue;
       for (const auto& output : plan_[i].program.info.outputs) {
         const fs::path file = folders_.of(i) / output.file;
         if (output.role.empty() || !fs::exists(file)) continue;
@@ -319,17 +320,23 @@ class Runner {
     if (ran && many && !terminal_) log::info("{}: ended; {}", plan_[i].label(), outlook());
   }
 
-  // Of the stages that ended, but for rounds of `adapt` that another one took the place of.
-  ExitCode worst_exit() const {
-    std::set<std::string> replaced;
+  // Of each stage, whether it belongs to a round of `adapt` that another one took the place of.
+  std::vector<bool> replaced() const {
+    std::set<std::string> rounds;
     for (std::size_t i = 0; i < plan_.size(); ++i) {
       if (plan_[i].asked_by && entries_[i])
-        replaced.insert(plan_[plan_[i].asked_by->producers.front()].case_name);
+        rounds.insert(plan_[plan_[i].asked_by->producers.front()].case_name);
     }
+    std::vector<bool> flags;
+    for (const auto& stage : plan_) flags.push_back(rounds.count(stage.case_name) > 0);
+    return flags;
+  }
+
+  ExitCode worst_exit() const {
+    const std::vector<bool> passed_by = replaced();
     ExitCode worst = ExitCode::ok;
     for (std::size_t i = 0; i < plan_.size(); ++i) {
-      if (!replaced.count(plan_[i].case_name) || plan_[i].gathers)
-        worst = std::max(worst, exits_[i]);
+      if (!passed_by[i]) worst = std::max(worst, exits_[i]);
     }
     return worst;
   }
