@@ -171,39 +171,50 @@ void read_labels(const std::filesystem::path& path, vtkUnstructuredGrid& grid, b
   }
 }
 
-std::vector<char> region_from(const std::filesystem::path& path, vtkDataArray& array,
-                              std::size_t tets) {
+std::vector<char> region_from(const std::filesystem::path& path, vtkUnstructuredGrid& grid,
+                              vtkDataArray& array, const std::vector<vtkIdType>& cells) {
   const std::string field = std::string("CellData/") + array.GetName();
-  if (static_cast<std::size_t>(array.GetNumberOfTuples()) != tets) {
+  if (array.GetNumberOfTuples() != grid.GetNumberOfCells()) {
     throw bad_mesh(path, field, fmt::format("{} numbers", array.GetNumberOfTuples()),
-                   fmt::format("one for each of {} tets", tets));
+                   fmt::format("one for each of {} cells", grid.GetNumberOfCells()));
   }
   std::vector<char> inside;
-  for (std::size_t t = 0; t < tets; ++t) {
-    const double value = array.GetComponent(static_cast<vtkIdType>(t), 0);
+  for (const vtkIdType c : cells) {
+    const double value = array.GetComponent(c, 0);
     if (value != 0.0 && value != 1.0) {
-      throw bad_mesh(path, field, fmt::format("cell {} has {}", t, value), "1 inside, 0 outside");
+      throw bad_mesh(path, field, fmt::format("cell {} has {}", c, value), "1 inside, 0 outside");
     }
     inside.push_back(value == 1.0);
   }
   return inside;
 }
 
-void read_cell_data(const std::filesystem::path& path, vtkUnstructuredGrid& grid, TetMesh& mesh) {
+// Numbers of cells by name: `take(name, array)`.
+template <class Take>
+void for_each_cell_number(vtkUnstructuredGrid& grid, const Take& take) {
   auto* data = grid.GetCellData();
   for (int a = 0; a < data->GetNumberOfArrays(); ++a) {
     auto* array = data->GetArray(a);
     if (array == nullptr || array->GetName() == nullptr) continue;
-    const std::string name = array->GetName();
-    if (name == "label" || array->GetNumberOfComponents() != 1) continue;
-    if (name.starts_with(region_prefix)) {
-      mesh.regions[name.substr(region_prefix.size())] = region_from(path, *array, mesh.tets.size());
-      continue;
-    }
-    auto& values = mesh.cell_data[name];
-    for (vtkIdType t = 0; t < array->GetNumberOfTuples(); ++t)
-      values.push_back(static_cast<float>(array->GetComponent(t, 0)));
+    if (array->GetNumberOfComponents() == 1) take(std::string(array->GetName()), *array);
   }
+}
+
+void read_regions(const std::filesystem::path& path, vtkUnstructuredGrid& grid,
+                  const std::vector<vtkIdType>& cells, TetMesh& mesh) {
+  for_each_cell_number(grid, [&](const std::string& name, vtkDataArray& array) {
+    if (name.starts_with(region_prefix))
+      mesh.regions[name.substr(region_prefix.size())] = region_from(path, grid, array, cells);
+  });
+}
+
+void read_cell_data(vtkUnstructuredGrid& grid, TetMesh& mesh) {
+  for_each_cell_number(grid, [&](const std::string& name, vtkDataArray& array) {
+    if (name == "label" || name.starts_with(region_prefix)) return;
+    auto& values = mesh.cell_data[name];
+    for (vtkIdType t = 0; t < array.GetNumberOfTuples(); ++t)
+      values.push_back(static_cast<float>(array.GetComponent(t, 0)));
+  });
 }
 
 void read_numbers(vtkFieldData& data, TetMesh& mesh) {
@@ -253,6 +264,7 @@ ForeignMesh read_as_it_stands(const std::filesystem::path& path, vtkUnstructured
   read_tets(path, grid, foreign, read.mesh, cells);
   read.cells_skipped = static_cast<std::size_t>(grid.GetNumberOfCells()) - cells.size();
   read_labels(path, grid, foreign, cells, read);
+  read_regions(path, grid, cells, read.mesh);
   return read;
 }
 
@@ -262,7 +274,7 @@ TetMesh read_vtu(const std::filesystem::path& path) {
   const auto grid = read_grid(path);
   TetMesh mesh = read_as_it_stands(path, *grid, false).mesh;
   orient(path, mesh);
-  read_cell_data(path, *grid, mesh);
+  read_cell_data(*grid, mesh);
   read_numbers(*grid->GetFieldData(), mesh);
   return mesh;
 }

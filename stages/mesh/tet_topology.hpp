@@ -54,8 +54,8 @@ Topology inspect(const TetMesh& mesh);
 // Component (joined through faces) of every tet, numbered in the order of their first tets.
 std::vector<int> find_bodies(const TetMesh& mesh);
 
-// Keeps the tets for which `keep(index)` holds, and the points that they use; drops per-tet arrays.
-// Returns the number of tets that went.
+// Keeps the tets for which `keep(index)` holds, with their regions, and the points that they use;
+// drops other per-tet arrays. Returns the number of tets that went.
 template <class Keep>
 std::size_t keep_tets(TetMesh& mesh, Keep keep) {
   TetMesh kept{.label_names = mesh.label_names};
@@ -72,6 +72,7 @@ std::size_t keep_tets(TetMesh& mesh, Keep keep) {
     }
     kept.tets.push_back(tet);
     kept.labels.push_back(mesh.labels[t]);
+    for (const auto& [name, inside] : mesh.regions) kept.regions[name].push_back(inside[t]);
   }
   const std::size_t removed = mesh.tets.size() - kept.tets.size();
   mesh = std::move(kept);

@@ -308,6 +308,13 @@ Made make_mesh(StageRun& run, MeshRequest request) {
   return made;
 }
 
+// Regions that the file brings along, where tets are to change: nothing holds their borders then.
+void drop_regions(TetMesh& mesh) {
+  for (const auto& [name, inside] : mesh.regions)
+    log::warn("region {} of the file is dropped, for its tets are changed", name);
+  mesh.regions.clear();
+}
+
 // A mesh made elsewhere. No surface holds its boundary, so that the improver leaves it alone, and
 // with it the borders of regions.
 Made take_mesh(StageRun& run) {
@@ -340,9 +347,10 @@ Made take_mesh(StageRun& run) {
   const auto regions =
       make_regions(read_regions(run.params().at("regions")), box_of(made.mesh.points));
   const auto planes = planes_of(regions);
+  const bool improves = improver == "own" || (improver == "auto" && !planes.empty());
+  if (improves || !planes.empty()) drop_regions(made.mesh);
   cut_along(made.mesh, planes, with_planes({}, planes));
-  if (improver == "own" || (improver == "auto" && !planes.empty()))
-    made.how["improved"] = improved_json(improve(made.mesh, {}));
+  if (improves) made.how["improved"] = improved_json(improve(made.mesh, {}));
   name_regions(made.mesh, regions);
   return made;
 }

@@ -225,6 +225,29 @@ TEST_F(ImportedMesh, IsCutToo) {
   EXPECT_EQ(inspect(result).overfull_faces, 0u);
 }
 
+TEST_F(ImportedMesh, BringsItsRegionsAlongUntilItsTetsAreChanged) {
+  TetMesh given = testing::shaken_cube(4, 0.2, 7);
+  auto& left = given.regions["left"];
+  for (const auto& tet : given.tets) {
+    double x = 0.0;
+    for (const int corner : tet) x += 0.25 * given.points[corner][0];
+    left.push_back(x > 0.5);
+  }
+  given.tets.push_back(given.tets[3]);  // dropped with its entry
+  given.labels.push_back(given.labels[3]);
+  left.push_back(left[3] == 0);
+  write_vtu(folder_.path() / "given.vtu", given);
+  const auto input = "mesh=" + (folder_.path() / "given.vtu").string();
+  const auto taken = run(input, {"min_dihedral=0deg"});
+  ASSERT_EQ(taken.code, 0) << taken.log;
+  left.pop_back();
+  EXPECT_EQ(mesh().regions.at("left"), left);
+  const auto improved = run(input, {"min_dihedral=0deg", "improve=own"});
+  EXPECT_TRUE(mesh().regions.empty());
+  EXPECT_NE(improved.log.find("region left of the file is dropped"), std::string::npos)
+      << improved.log;
+}
+
 // The boundary and the interface of a mesh made elsewhere are known to nobody else.
 TEST_F(ImportedMesh, KeepsItsSurfacesWhereARegionCutsIt) {
   const TetMesh ball = testing::ball_around_a_point(false, 0.1);

@@ -349,11 +349,13 @@ TEST_F(TetExchange, AForeignVtuWithTrianglesAndAnotherLabelArrayIsTaken) {
 <DataArray type="Int64" Name="connectivity" format="ascii">0 1 2 0 1 2 3 1 2 4 3</DataArray>
 <DataArray type="Int64" Name="offsets" format="ascii">3 7 11</DataArray>
 <DataArray type="UInt8" Name="types" format="ascii">5 10 10</DataArray></Cells>
-<CellData><DataArray type="Int64" Name="gmsh:physical" format="ascii">9 4 7</DataArray></CellData>
+<CellData><DataArray type="Int64" Name="gmsh:physical" format="ascii">9 4 7</DataArray>
+<DataArray type="UInt8" Name="region top" format="ascii">0 1 0</DataArray></CellData>
 </Piece></UnstructuredGrid></VTKFile>)";
   const Imported found = import_mesh(path("mesh.vtu"));
   EXPECT_EQ(found.labels_from, "gmsh:physical");
   EXPECT_EQ(found.mesh.labels, (std::vector<int>{4, 7}));
+  EXPECT_EQ(found.mesh.regions.at("top"), (std::vector<char>{1, 0}));
   EXPECT_EQ(found.repairs.cells_skipped, 1u);
   EXPECT_EQ(found.repairs.tets_turned, 1u);
 }
