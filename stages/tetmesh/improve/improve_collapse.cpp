@@ -73,13 +73,33 @@ bool is_on_one_curve(const std::vector<int>& parts) {
          (parts.size() == 4 && parts[0] != 0 && materials_of(parts).size() <= 2);
 }
 
+// Along the curve or surface that it lies on.
+bool goes_along(const Ring& ring, const std::vector<int>& from, const std::vector<int>& onto) {
+  return is_on_one_curve(from) &&
+         std::includes(onto.begin(), onto.end(), from.begin(), from.end()) &&
+         surface_triangles(ring) == static_cast<int>(from.size());
+}
+
+// Onto a plane that cut an edge next to the point: from one curve in a surface to another that
+// passes it by, so that they touch there, or to a point where the same surfaces cross once more.
+// Nothing else makes room between them. What lies on another plane stays there, and so does what
+// three materials share.
+bool pinches(const Stars& mesh, const Ring& ring, int gone, int kept, const std::vector<int>& from,
+             const std::vector<int>& onto) {
+  constexpr double short_edge = 0.1;  // of the size of tets around it; longer ones did harm
+  const double length = norm(sub(mesh.points()[gone], mesh.points()[kept]));
+  const auto materials = materials_of(from);
+  return length < short_edge * mesh.size(gone) && surface_triangles(ring) >= 2 &&
+         planes_at(onto) != 0 && (planes_at(from) & ~planes_at(onto)) == 0 &&
+         std::ranges::count_if(materials, [](int material) { return material != 0; }) <= 2;
+}
+
 bool may_collapse(const Stars& mesh, const Ring& ring, int gone, int kept, const Leeway& allowed) {
   if (ring.arcs.empty() || !links_agree(mesh, ring, gone, kept)) return false;
   const auto from = mesh.labels_at(gone), onto = mesh.labels_at(kept);
   if (from.size() < 2) return true;
-  if (!is_on_one_curve(from) || !mesh.project()) return false;
-  return std::includes(onto.begin(), onto.end(), from.begin(), from.end()) &&
-         surface_triangles(ring) == static_cast<int>(from.size()) &&
+  return mesh.project() &&
+         (goes_along(ring, from, onto) || pinches(mesh, ring, gone, kept, from, onto)) &&
          surface_links_agree(mesh, ring, gone, kept) && surface_stays(mesh, gone, kept, allowed);
 }
 

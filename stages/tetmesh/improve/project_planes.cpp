@@ -18,14 +18,9 @@ struct Interfaces {
 
 Interfaces interfaces_of(const std::vector<int>& parts, const std::vector<Plane>& planes) {
   Interfaces found{.labels = materials_of(parts), .planes = {}};
-  int any = 0, all = -1;
-  for (const int part : parts) {
-    if (part == 0) continue;
-    any |= part;
-    all &= part;
-  }
+  const int on = planes_at(parts);
   for (std::size_t k = 0; k < planes.size(); ++k)
-    if (((any & ~all) & above_plane(k)) != 0) found.planes.push_back(&planes[k]);
+    if ((on & above_plane(k)) != 0) found.planes.push_back(&planes[k]);
   return found;
 }
 
@@ -81,6 +76,16 @@ std::optional<Contact> meet(const Projector& base, const Vec& point, const Inter
 }
 
 }  // namespace
+
+int planes_at(const std::vector<int>& parts) {
+  int any = 0, all = -1;
+  for (const int part : parts) {
+    if (part == 0) continue;
+    any |= part;
+    all &= part;
+  }
+  return (any & ~all) / part_step * part_step;
+}
 
 std::vector<int> materials_of(const std::vector<int>& parts) {
   std::vector<int> materials;

@@ -24,6 +24,9 @@ inline int above_plane(std::size_t plane) {
   return part_step << plane;
 }
 
+// The planes on which a point of these parts lies: bits as above_plane() gives them.
+int planes_at(const std::vector<int>& parts);
+
 // The materials of parts, ascending, each once.
 std::vector<int> materials_of(const std::vector<int>& parts);
 

@@ -17,6 +17,8 @@ namespace {
 constexpr double near_end = 0.3;
 constexpr double on_plane = 1e-9;  // mm
 constexpr double farthest = 2.0;   // that it may go, over its distance from the plane
+// Where surfaces meet, of its shortest edge: their curve may run along the plane.
+constexpr double farthest_of_edge = 0.25;
 // Of its shortest edge: where a vertex that may not move is taken to lie on the plane.
 constexpr double as_good_as_on = 1e-3;
 // Moving a vertex may not bring tets below this quality, unless they are worse before.
@@ -144,18 +146,39 @@ class Cutter {
     return true;
   }
 
-  void put_onto(std::size_t plane, int point) {
-    std::vector<int> parts = parts_at(point);
+  // Where a point of these parts comes to lie on the plane; nothing where that is nowhere near.
+  std::optional<Vec> place_on(std::size_t plane, int point, std::vector<int> parts,
+                              double reach) const {
     for (std::size_t i = parts.size(); i-- > 0;)
       if (parts[i] != 0) parts.push_back(parts[i] + above_plane(plane));
     const Vec& from = mesh_.points[point];
     const auto contact = project_(from, parts);
-    if (!contact) {  // nothing knows the surface that it lies on
-      if (std::abs(above_[point]) < as_good_as_on * shortest_edge(point)) above_[point] = 0.0;
+    if (!contact || norm(sub(contact->point, from)) > reach) return std::nullopt;
+    return contact->point;
+  }
+
+  void put_onto(std::size_t plane, int point) {
+    const std::vector<int> parts = parts_at(point), materials = materials_of(parts);
+    double reach = farthest * std::abs(above_[point]);
+    std::vector<std::vector<int>> choices = {parts};
+    // A curve in which interfaces meet may run along the plane. Its vertex then leaves one of them,
+    // though not the surface of the body.
+    if (materials.size() > 2) {
+      reach = std::max(reach, farthest_of_edge * shortest_edge(point));
+      for (const int material : materials) {
+        if (material == 0) continue;
+        choices.push_back(parts);
+        std::erase_if(choices.back(), [&](int part) { return material_of(part) == material; });
+      }
+    }
+    for (const auto& some : choices) {
+      const auto place = place_on(plane, point, some, reach);
+      if (!place || !move(point, *place)) continue;
+      above_[point] = 0.0;
       return;
     }
-    if (norm(sub(contact->point, from)) > farthest * std::abs(above_[point])) return;
-    if (move(point, contact->point)) above_[point] = 0.0;
+    // Or nothing knows the surface that it lies on.
+    if (std::abs(above_[point]) < as_good_as_on * shortest_edge(point)) above_[point] = 0.0;
   }
 
   // A new point lies on a chord of the surface that it is to lie on.
