@@ -102,6 +102,30 @@ TEST_F(Tetmesh, SmallCellsAtTheBorderOfARegionLeaveItsVolume) {
   EXPECT_GT(fine.tets.size(), support("1").tets.size());
 }
 
+// At these widths the border runs past the curve in which lump and surface meet: tets of 7.9 to 9.7
+// degrees were left there, each at a short edge beside the plane.
+TEST_F(Tetmesh, TheBorderOfARegionBesideALumpAtTheSurfaceLeavesNoFlatTets) {
+  const auto input = write(testing::ball_with_lump());
+  for (const char* width : {"13", "14", "19"}) {
+    const auto region =
+        fmt::format("regions={{support: {{side: superior, within: {} mm}}}}", width);
+    const auto outcome = run(input, {"cell_size=5mm", "min_dihedral=12deg", region});
+    EXPECT_EQ(outcome.code, 0) << width << outcome.log;
+    const TetMesh result = mesh();
+    EXPECT_EQ(inspect(result).inverted, 0u);
+    for (const auto& [name, inside] : result.regions) {
+      double lowest = 1e9, highest = -1e9;
+      for (std::size_t t = 0; t < inside.size(); ++t)
+        for (const int corner : result.tets[t]) {
+          const double z = result.points[corner][2];
+          if (inside[t]) lowest = std::min(lowest, z);
+          if (!inside[t]) highest = std::max(highest, z);
+        }
+      EXPECT_NEAR(lowest, highest, 1e-6) << "the border is a plane all the same";
+    }
+  }
+}
+
 // A mesh of the ball whose upper half asks for cells of .4 of the size of those below.
 class SizedMesh : public Tetmesh {
  protected:

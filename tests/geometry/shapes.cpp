@@ -20,6 +20,15 @@ LabelImage nested_balls(double outer, double inner) {
   return image;
 }
 
+LabelImage ball_with_lump() {
+  LabelImage image = draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {
+    if (!(std::hypot(x, y, z) < 18.0)) return 0;
+    return std::hypot(x - 12.0, y + 8.0, z - 6.0) < 8.0 ? 2 : 1;
+  });
+  image.names = {{1, "liver"}, {2, "tumour"}};
+  return image;
+}
+
 TetMesh shaken_cube(int n, double shake, unsigned seed) {
   TetMesh mesh;
   std::mt19937 random(seed);

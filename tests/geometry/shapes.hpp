@@ -37,6 +37,9 @@ LabelImage draw(int n, const std::array<double, 3>& spacing, Label label) {
 // A ball of label 1 with a smaller, off-centre ball of label 2 inside; radii in mm.
 LabelImage nested_balls(double outer = 20.0, double inner = 8.0);
 
+// A ball of 18 mm of label 1 with a lump of label 2 that reaches its surface.
+LabelImage ball_with_lump();
+
 // A subdivided octahedron blown up to a ball, LPS mm; label 3, "kidney".
 SurfaceMesh ball_surface(double radius);
 
