@@ -102,16 +102,16 @@ TEST_F(Tetmesh, SmallCellsAtTheBorderOfARegionLeaveItsVolume) {
   EXPECT_GT(fine.tets.size(), support("1").tets.size());
 }
 
-// At these widths the border runs past the curve in which lump and surface meet: tets of 7.9 to
-// 12.4 degrees were left there, each at a short edge beside the plane.
+// At these widths the border runs past the curve in which lump and surface meet: tets of 8 to 10
+// degrees were left there, each at a short edge beside the plane.
 TEST_F(Tetmesh, TheBorderOfARegionBesideALumpAtTheSurfaceLeavesNoFlatTets) {
   const auto input = write(testing::ball_with_lump());
-  for (const auto& [cells, width] : {std::pair(5, 13), {5, 14}, {5, 19}, {7, 17}}) {
+  for (const auto& [cells, width] : {std::pair(5, 13), {5, 14}, {7, 17}}) {
     const auto region =
         fmt::format("regions={{support: {{side: superior, within: {} mm}}}}", width);
     const auto outcome =
         run(input, {fmt::format("cell_size={}mm", cells), "min_dihedral=14deg", region});
-    EXPECT_EQ(outcome.code, 0) << width << outcome.log;
+    EXPECT_EQ(outcome.code, 0) << cells << ' ' << width << '\n' << outcome.log;
     const TetMesh result = mesh();
     EXPECT_EQ(inspect(result).inverted, 0u);
     for (const auto& [name, inside] : result.regions) {
