@@ -40,6 +40,7 @@ TEST_F(Adapt, RoundsFollowOneAnotherUntilOneIsGoodEnoughAndItsExitCounts) {
   EXPECT_FALSE(contains(result.out, ": out/many/round=1")) << "a result that has been replaced";
   EXPECT_TRUE(contains(work_.viscera({"why", "many.yaml"}).out,
                        "round=3/grow: not needed: the round before asks for no other"));
+  EXPECT_FALSE(contains(work_.viscera({"status", "many.yaml"}).out, "round=3"));
   EXPECT_EQ(run("adapt: {lines: \"${lines}\"}\n").exit, 0);
   EXPECT_EQ(work_.started(), "") << "nothing changed, nothing runs";
 }

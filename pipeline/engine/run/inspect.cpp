@@ -70,6 +70,7 @@ void print_status(const InspectOptions& options) {
   std::vector<StatusRow> rows;
   std::string notes;
   for (std::size_t i = 0; i < look.plan.size(); ++i) {
+    if (is_needless(look.plan, i, look.found.entries)) continue;
     const Verdict& verdict = look.found.verdicts[i];
     StatusRow row{.stage = look.plan[i].label(), .state = state_word(verdict)};
     if (const auto& entry = look.found.entries[i]) {
