@@ -95,8 +95,7 @@ void define_labels(py::module_& module) {
           py::arg("surface") = py::none(), py::arg("size_field") = py::none(),
           "A tetrahedral mesh of all materials; params are those of viscera-tetmesh, as in "
           "cell_size=\"5 mm\". The mesh's distance from a surface is measured. size_field: a mesh "
-          "of "
-          "these labels with cell sizes, of Simulation.certify().")
+          "of these labels with cell sizes, of Simulation.certify().")
       .def("__repr__", [](const Labels& self) {
         const auto& size = self.image.frame.size;
         return fmt::format("<viscera.Labels: {} x {} x {} voxels, {} materials>", size[0], size[1],

@@ -28,6 +28,7 @@ ForeignMesh read_foreign_vtu(const std::filesystem::path& path);
 inline constexpr const char* relative_size = "relative_size";
 // And the number, of the tets that a mesh of such sizes is to have.
 inline constexpr const char* wanted_tets = "wanted_tets";
+inline constexpr double fewest_tets = 100.0, most_tets = 20e6;  // that may be asked for
 
 // Values at points or in tets, as an array of a .vtu file.
 struct FieldArray {

@@ -17,9 +17,8 @@ const GateInfo inverted_end(
     "where the body is thin");
 constexpr const char* adapt_remedy =
     "raise adapt.at_most or adapt.rounds, or substeps where the solver's part is large, or "
-    "time.end "
-    "(simulate.end) where the body was not at rest, or put supports into tetmesh.regions; or allow "
-    "more by ";
+    "time.end (simulate.end) where the body was not at rest, or put supports into "
+    "tetmesh.regions; or allow more by ";
 const GateInfo adapt_total(
     "adapt_total", "<=", "1",
     "The body at rest is farther off than `adapt` asks for, or how far is not known: positions are "

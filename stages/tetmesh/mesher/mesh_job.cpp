@@ -10,6 +10,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
 #include "stages/image/label_components.hpp"
+#include "stages/mesh/tet_io.hpp"
 #include "stages/tetmesh/exchange/hxt.hpp"
 #include "stages/tetmesh/generate/nesting.hpp"
 #include "stages/tetmesh/generate/order.hpp"

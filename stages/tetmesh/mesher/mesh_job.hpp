@@ -23,8 +23,6 @@ std::optional<SurfaceMesh> body_of(const SurfaceMesh& all);
 
 // What is to be meshed, and how. Defaults are those of viscera-tetmesh, and ranges those that it
 // declares; they are not checked here.
-inline constexpr double fewest_tets = 100.0, most_tets = 20e6;  // that may be asked for
-
 struct MeshRequest {
   enum class Route { automatic, fields, surface };  // automatic: fields where labels are given
   enum class Improver { own, cgal, none };
