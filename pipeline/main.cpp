@@ -8,6 +8,7 @@
 #include "pipeline/base/json_value.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/engine/programs/catalog.hpp"
+#include "pipeline/engine/run/estimate.hpp"
 #include "pipeline/engine/run/inspect.hpp"
 #include "pipeline/engine/store/upkeep.hpp"
 #include "pipeline/record/diff.hpp"
@@ -88,7 +89,7 @@ CLI::App* declare_run(CLI::App& app, RunOptions& options) {
 }
 
 struct Inspecting {
-  CLI::App *why, *status, *graph;
+  CLI::App *why, *status, *graph, *estimate;
   InspectOptions options;
 };
 
@@ -112,6 +113,10 @@ void declare_inspection(CLI::App& app, Inspecting& inspecting) {
   format(inspecting.graph, "mermaid", "as a Mermaid flowchart (default)");
   format(inspecting.graph, "dot", "for Graphviz");
   format(inspecting.graph, "json", "for programs: every job with its manifest and needs");
+  inspecting.estimate =
+      declare("estimate", "what a run would take, and how far off it would be, in a few seconds",
+              "the spec");
+  format(inspecting.estimate, "json", "every stage with its time and memory");
 }
 
 void print_schema(const Places& places) {
@@ -123,13 +128,19 @@ void print_schema(const Places& places) {
 }
 
 // A cohort is looked at as a whole, whatever single cases lack.
-void inspect(Inspecting& inspecting) {
+ExitCode inspect(Inspecting& inspecting) {
   InspectOptions& options = inspecting.options;
   const std::string kind = options.spec.path.extension();
-  if (*inspecting.why && kind != ".yaml" && kind != ".yml") return print_origin(options.spec.path);
+  if (*inspecting.why && kind != ".yaml" && kind != ".yml") {
+    print_origin(options.spec.path);
+    return ExitCode::ok;
+  }
   options.spec.keep_going = true;
-  if (*inspecting.why) return print_why(options);
-  return *inspecting.status ? print_status(options) : print_graph(options);
+  if (*inspecting.estimate) return print_estimate(options);
+  if (*inspecting.why) print_why(options);
+  if (*inspecting.status) print_status(options);
+  if (*inspecting.graph) print_graph(options);
+  return ExitCode::ok;
 }
 
 CLI::App* declare_gc(CLI::App& app, GcOptions& options, Places& places) {
@@ -256,10 +267,8 @@ int main(int argc, char** argv) {
       return 0;
     }
     if (*verify) return static_cast<int>(verify_store(places.cache));
-    if (*inspecting.why || *inspecting.status || *inspecting.graph) {
-      inspect(inspecting);
-      return 0;
-    }
+    if (*inspecting.why || *inspecting.status || *inspecting.graph || *inspecting.estimate)
+      return static_cast<int>(inspect(inspecting));
     return static_cast<int>(run_spec(options));
   } catch (const Error& e) {
     return fail(e.code(), e.what());

@@ -14,7 +14,7 @@
 #include "sim/model/start.hpp"
 #include "sim/solvers/time_rule.hpp"
 #include "stages/simulate/body.hpp"
-#include "stages/simulate/checkpoint.hpp"
+#include "stages/simulate/files/checkpoint.hpp"
 #include "stages/simulate/solver_choice.hpp"
 
 namespace viscera::live {

@@ -55,7 +55,7 @@ namespace {
 struct CommandLine {
   std::string verb = "run";
   std::vector<std::string> in, set;
-  std::string out, scratch;
+  std::string out, scratch, expect;
   std::string log_format = "text";
   bool quiet = false;
 };
@@ -72,7 +72,7 @@ std::pair<std::string, std::string> split_assignment(const std::string& text, co
 }
 
 std::multimap<std::string, fs::path> read_inputs(const StageInfo& info,
-                                                 const std::vector<std::string>& in) {
+                                                 const std::vector<std::string>& in, bool needed) {
   std::multimap<std::string, fs::path> inputs;
   std::vector<std::string> roles;
   for (const auto& input : info.inputs) roles.push_back(input.role);
@@ -108,7 +108,7 @@ std::multimap<std::string, fs::path> read_inputs(const StageInfo& info,
     inputs.emplace(role, path);
   }
   for (const auto& input : info.inputs) {
-    if (!input.required || inputs.count(input.role)) continue;
+    if (!needed || !input.required || inputs.count(input.role)) continue;
     throw Error(ExitCode::usage, {.where = "command line",
                                   .field = "--in " + input.role,
                                   .found = "missing",
@@ -154,12 +154,6 @@ double cpu_seconds() {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
-double max_rss_mb() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
-}
-
 std::multimap<std::string, FileDigest> digests_of(
     const std::multimap<std::string, fs::path>& inputs) {
   std::multimap<std::string, FileDigest> digests;
@@ -199,8 +193,8 @@ void publish(const fs::path& work, const fs::path& out, const std::vector<FileDi
 }  // namespace
 
 StageRun read_run(const StageInfo& info, const std::vector<std::string>& in,
-                  const std::vector<std::string>& set) {
-  auto inputs = read_inputs(info, in);
+                  const std::vector<std::string>& set, bool inputs_needed) {
+  auto inputs = read_inputs(info, in, inputs_needed);
   return make_run(info, std::move(inputs), given_params(set), "command line");
 }
 
@@ -262,7 +256,7 @@ class StageProgram {
     manifest.wall_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
     manifest.cpu_s = cpu_seconds();
-    manifest.max_rss_mb = max_rss_mb();
+    manifest.max_rss_mb = used_mb();
     publish(work.path(), line.out, manifest.outputs, to_json(manifest).dump(1) + "\n");
     std::cout << Json{{"stage", info.name},
                       {"exit", static_cast<int>(manifest.exit)},
@@ -278,6 +272,19 @@ class StageProgram {
     if (stage_.check) stage_.check(run);
     std::cout << Json{{"stage", stage_.info.name}, {"exit", 0}, {"params", run.params()}}
               << std::endl;
+    return ExitCode::ok;
+  }
+
+  ExitCode estimate(const CommandLine& line) {
+    Json said{{"stage", stage_.info.name}};
+    if (stage_.estimate) {
+      log::set_level(log::Level::warn);  // what it tries is nobody's progress
+      StageRun run = read_run(stage_.info, line.in, line.set, false);
+      Estimate found = stage_.estimate(run, expected_from(line.expect));
+      if (found.memory_mb <= 0.0) found.memory_mb = used_mb();
+      said.update(to_json(found));
+    }
+    std::cout << said << std::endl;
     return ExitCode::ok;
   }
 
@@ -346,13 +353,15 @@ int stage_main(int argc, char** argv, const Stage& stage) {
   log::catch_interrupts();
   CommandLine line;
   CLI::App app(info.doc, "viscera-" + info.name);
-  app.add_option("verb", line.verb, "run (default), check or describe")
-      ->check(CLI::IsMember({"run", "check", "describe"}));
+  app.add_option("verb", line.verb, "run (default), check, estimate or describe")
+      ->check(CLI::IsMember({"run", "check", "estimate", "describe"}));
   app.add_option("--in", line.in, "ROLE=FILE, repeatable")->allow_extra_args(false);
   app.add_option("--set", line.set, "PARAM=VALUE, repeatable")->allow_extra_args(false);
   app.add_option("--out", line.out, "folder for the outputs");
   app.add_option("--scratch", line.scratch,
                  "folder that an interrupted run leaves for an equal one to go on from");
+  app.add_option("--expect", line.expect,
+                 "estimate: what earlier stages are expected to make, as their estimates say it");
   app.add_option("--log", line.log_format, "text or json lines on stderr")
       ->check(CLI::IsMember({"text", "json"}));
   app.add_flag("--quiet", line.quiet, "warnings and errors only");
@@ -391,8 +400,15 @@ int stage_main(int argc, char** argv, const Stage& stage) {
       std::cout << to_json(info) << std::endl;
       return ExitCode::ok;
     }
+    if (line.verb == "estimate") return program.estimate(line);
     return line.verb == "check" ? program.check(line) : program.run(line);
   });
+}
+
+double used_mb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
 int guarded(const std::function<ExitCode()>& work) {

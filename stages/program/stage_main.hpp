@@ -1,8 +1,12 @@
-// The main() that every stage shares: command line, `describe | check | run`, manifest, exit codes.
+// The main() that every stage shares: command line, `describe | check | estimate | run`, manifest,
+// exit codes.
 //
 //   viscera-tetmesh [run] --in surface=liver.vtp --set cell_size=5mm --out DIR
 //   viscera-tetmesh check --in … --set …        inputs exist, params resolve; nothing is written
 //   viscera-tetmesh describe                    the declaration as JSON
+//   viscera-tetmesh estimate --in … --set …     what a run is expected to take, of the inputs that
+//                                               there are; --expect: what others said they will
+//                                               make
 //
 // A stage writes into StageRun::out(), a private folder beside DIR; its files move to DIR when the
 // work is done, manifest.json last, so that a killed or failed stage leaves nothing that counts.
@@ -13,6 +17,7 @@
 #include <vector>
 
 #include "pipeline/contract/manifest.hpp"
+#include "stages/program/estimate.hpp"
 
 namespace viscera {
 
@@ -86,17 +91,25 @@ struct Stage {
   StageInfo info;
   std::function<void(StageRun&)> run;
   // Validation beyond files and params, without side effects; may be empty.
-  std::function<void(const StageRun&)> check;
+  std::function<void(const StageRun&)> check = {};
+  // What a run with these params is expected to take. Inputs that are not made yet are absent, also
+  // required ones; `before` is what the stages before say that they will make. Writes nothing. May
+  // be empty.
+  std::function<Estimate(StageRun&, const Expected& before)> estimate = {};
 };
 
 // A run with the inputs (ROLE=FILE) and params (PARAM=VALUE) of a command line, checked against a
-// declaration; its outputs have no place yet. Throws Error.
+// declaration; its outputs have no place yet. `inputs_needed`: without a required one it is
+// refused. Throws Error.
 StageRun read_run(const StageInfo& info, const std::vector<std::string>& in,
-                  const std::vector<std::string>& set);
+                  const std::vector<std::string>& set, bool inputs_needed = true);
 
 // The same of files and values that another program gives; `where` is what errors call their place.
 StageRun make_run(const StageInfo& info, std::multimap<std::string, std::filesystem::path> inputs,
                   const Json& params, const std::string& where);
+
+// The most memory that this process has held so far, MB.
+double used_mb();
 
 // Does the work of a main(): errors become a message on stderr and their exit code.
 int guarded(const std::function<ExitCode()>& work);

@@ -118,10 +118,25 @@ void make_report(StageRun& run) {
   run.metric("frames_shown", report["viewer"]["times_s"].size());
 }
 
+// Between .03 and .4 s on trajectories of .1 to 4 MB (docs/performance.md); slices of an image come
+// besides.
+Estimate estimate_report(StageRun& run, const Expected& before) {
+  constexpr double low_s = 0.05, high_s = 0.4, least_s_per_mb = 0.03, most_s_per_mb = 0.15;
+  constexpr double program_mb = 33.0, mb_per_mb = 1.0;
+  Estimate estimate{.expected = before};
+  double mb = before.trajectory_mb;
+  if (run.has_input("trajectory"))
+    mb = 1e-6 * static_cast<double>(std::filesystem::file_size(run.input("trajectory")));
+  estimate.memory_mb = program_mb + mb_per_mb * mb;
+  estimate.wall_low_s = low_s + least_s_per_mb * mb;
+  estimate.wall_high_s = high_s + most_s_per_mb * mb;
+  return estimate;
+}
+
 }  // namespace
 
 Stage report_stage() {
-  return {.info = report_info(), .run = make_report, .check = check};
+  return {.info = report_info(), .run = make_report, .check = check, .estimate = estimate_report};
 }
 
 }  // namespace viscera

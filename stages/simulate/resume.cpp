@@ -8,7 +8,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/json_value.hpp"
 #include "pipeline/base/log.hpp"
-#include "stages/simulate/checkpoint.hpp"
+#include "stages/simulate/files/checkpoint.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;

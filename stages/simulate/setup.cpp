@@ -9,9 +9,9 @@
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/accuracy.hpp"
 #include "stages/simulate/body.hpp"
+#include "stages/simulate/files/stiffness.hpp"
 #include "stages/simulate/gates.hpp"
 #include "stages/simulate/solver_choice.hpp"
-#include "stages/simulate/stiffness.hpp"
 
 namespace viscera {
 namespace {

@@ -20,10 +20,11 @@
 #include "stages/mesh/export_text.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
-#include "stages/simulate/checkpoint.hpp"
 #include "stages/simulate/error_report.hpp"
+#include "stages/simulate/estimate.hpp"
 #include "stages/simulate/exchange/static_problem.hpp"
 #include "stages/simulate/explicit_watch.hpp"
+#include "stages/simulate/files/checkpoint.hpp"
 #include "stages/simulate/frame_columns.hpp"
 #include "stages/simulate/frame_loop.hpp"
 #include "stages/simulate/gates.hpp"
@@ -450,6 +451,12 @@ const Stage& simulate_stage() {
                 sim::check_scene(file.scene);
               }
             });
+          },
+      .estimate =
+          [](StageRun& run, const Expected& before) {
+            Estimate found;
+            translated(run, [&] { found = estimate_simulate(run, before); });
+            return found;
           }};
   return stage;
 }

@@ -14,6 +14,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
 #include "stages/image/image_io.hpp"
+#include "stages/image/label_facts.hpp"
 #include "stages/mesh/surface_io.hpp"
 #include "stages/surface/contour.hpp"
 #include "stages/surface/defects.hpp"
@@ -235,6 +236,21 @@ void run_surface(StageRun& run) {
   write_vtp(run.out("surface.vtp"), make_surfaces(run, read_image(run.input("labels")).image));
 }
 
+// On two cores of 2.5 GHz (docs/performance.md), by the faces of voxels between labels.
+Estimate estimate_surface(StageRun& run, const Expected& before) {
+  constexpr double start_s = 0.05, per_face_s = 10.5e-6;
+  constexpr double program_mb = 25.0, per_face_mb = 1e-3;
+  Estimate estimate{.expected = before};
+  if (run.has_input("labels"))
+    estimate.expected.take(find_facts(read_image(run.input("labels")).image));
+  if (estimate.expected.voxels <= 0.0) return estimate;
+  const double took = start_s + per_face_s * estimate.expected.voxel_faces;
+  estimate.wall_low_s = 0.7 * took;
+  estimate.wall_high_s = 1.4 * took;
+  estimate.memory_mb = program_mb + per_face_mb * estimate.expected.voxel_faces;
+  return estimate;
+}
+
 }  // namespace
 
 SurfaceMesh make_surfaces(StageRun& run, const LabelImage& image) {
@@ -288,6 +304,7 @@ Stage surface_stage() {
                           gates::self_intersections, gates::volume_error, gates::lost},
                 .libraries = {{"VTK", vtkVersion::GetVTKVersion()}}};
   stage.run = run_surface;
+  stage.estimate = estimate_surface;
   return stage;
 }
 

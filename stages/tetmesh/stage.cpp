@@ -14,6 +14,7 @@
 #include "pipeline/base/log.hpp"
 #include "stages/mesh/surface_io.hpp"
 #include "stages/mesh/tet_io.hpp"
+#include "stages/tetmesh/estimate.hpp"
 #include "stages/tetmesh/exchange/export.hpp"
 #include "stages/tetmesh/exchange/gmsh_session.hpp"
 #include "stages/tetmesh/exchange/import.hpp"
@@ -421,6 +422,7 @@ Stage tetmesh_stage() {
       .gates = mesh_gates::all(),
       .libraries = {{"CGAL", CGAL_VERSION_STR}, {"gmsh", gmsh_version()}}};
   stage.run = run_tetmesh;
+  stage.estimate = estimate_tetmesh;
   stage.check = [](const StageRun& run) {
     chosen_formats(run.params().at("formats"));
     read_regions(run.params().at("regions"));

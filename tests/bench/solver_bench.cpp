@@ -16,6 +16,7 @@
 #include <tuple>
 
 #include "sim/base/refusal.hpp"
+#include "sim/element_choice.hpp"
 #include "sim/make.hpp"
 #include "sim/scheme_choice.hpp"
 #include "stages/mesh/tet_io.hpp"
@@ -27,14 +28,14 @@ namespace {
 struct Row {
   std::string method, scheme;
   sim::SolverOptions options;
-  bool viscous = true, on_device = false;
+  bool viscous = true, smoothed = false, on_device = false;
   std::unique_ptr<sim::Solver> solver = {};
   std::vector<double> ns = {};
 
   // What orders the same elements another way competes with it.
   auto contest() const {
-    return std::tuple(options.method, options.precision, options.iterations, viscous, on_device,
-                      options.threads);
+    return std::tuple(options.method, options.precision, options.iterations, viscous, smoothed,
+                      on_device, options.threads);
   }
 };
 
@@ -42,15 +43,15 @@ std::vector<Row> rows() {
   using sim::Method, sim::Precision, sim::Scheme;
   std::vector<Row> all;
   const auto add = [&all](const char* method, const char* scheme, sim::SolverOptions options,
-                          bool viscous = true) {
-    for (const int threads : {1, 2, 8}) {
+                          bool viscous = true, bool smoothed = false) {
+    for (const int threads : {1, 2, 4, 8, 16}) {
       if (threads > static_cast<int>(std::thread::hardware_concurrency())) continue;
       options.threads = threads;
-      all.push_back({method, scheme, options, viscous});
+      all.push_back({method, scheme, options, viscous, smoothed});
     }
     options.threads = 0;
     const bool runs = options.iterations == 1 && sim::find_cuda_device().name;
-    if (runs) all.push_back({method, scheme, options, viscous, true});
+    if (runs) all.push_back({method, scheme, options, viscous, smoothed, true});
   };
   add("xpbd", "gauss_seidel", {}, false);
   add("xpbd", "gauss_seidel", {.precision = Precision::fp64}, false);
@@ -60,6 +61,9 @@ std::vector<Row> rows() {
     add("xpbd", ("block_gauss_seidel" + size + ", viscosity").c_str(),
         {.scheme = Scheme::block_gauss_seidel, .block_tets = block_tets});
   }
+  add("xpbd", "gauss_seidel, viscosity, smoothed", {}, true, true);
+  add("xpbd", "block_gauss_seidel, viscosity, smoothed", {.scheme = Scheme::block_gauss_seidel},
+      true, true);
   add("xpbd", "jacobi, viscosity", {.scheme = Scheme::jacobi});
   add("xpbd", "gauss_seidel, 2 iterations", {.iterations = 2}, false);
   add("tled", "explicit", {.method = Method::tled}, false);
@@ -71,11 +75,14 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
 }
 
+constexpr double poisson_ratio = 0.45;
+
 sim::Scene scene_of(const Row& row, int substeps) {
   sim::Scene scene;
   scene.params<sim::NeoHookean>().emplace_back();
   scene.params<sim::Gravity>().emplace_back();
   if (row.viscous) scene.params<sim::Viscosity>().emplace_back();
+  if (row.smoothed) sim::set_element(scene.effects, sim::Element::smoothed, poisson_ratio);
   scene.time.frame_s = 1e-3;
   scene.time.substeps = substeps;
   return scene;
@@ -88,7 +95,7 @@ std::string run(const char* mesh_file) {
   std::map<int, sim::Material> materials;
   for (const auto& [label, name] : mesh.label_names) {
     materials[label] = {
-        .youngs_modulus = 5e3, .poisson_ratio = 0.45, .density = 1060.0, .damping = 0.01};
+        .youngs_modulus = 5e3, .poisson_ratio = poisson_ratio, .density = 1060.0, .damping = 0.01};
   }
   const sim::Model model = make_body(mesh, materials);
   const int rounds = std::clamp(static_cast<int>(1'000'000 / model.tet_count()), 3, 15);

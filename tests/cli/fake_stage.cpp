@@ -255,6 +255,31 @@ void work(const std::string& name, StageRun& run) {
   log::warn("{} is only a fake", name);
 }
 
+// Seconds as numbers that sums show: alpha 1 to 2 and 3 tets; beta as many as there are tets, to
+// twice that; grow and weigh 1, grow with the tets that weigh asks for, which are 3 more until they
+// are enough. The others say nothing.
+Estimate estimate(const std::string& name, const StageRun& run, const Expected& before) {
+  if (environment("FAKE_" + name) == "fail")
+    throw Error(ExitCode::bad_input, {.where = "volume.txt", .found = "too odd"});
+  Estimate found{.wall_low_s = 1.0, .wall_high_s = 1.0, .memory_mb = 10.0, .expected = before};
+  if (name == "alpha") {
+    found.wall_high_s = 2.0;
+    found.expected.tets = 3.0;
+  }
+  if (name == "beta") {
+    found.wall_low_s = before.tets;
+    found.wall_high_s = 2.0 * before.tets;
+    found.memory_mb = 20.0;
+    found.words = {run.has_input("a") ? "a is there" : "a is not there yet"};
+  }
+  if (name == "grow") found.expected.tets = std::max(1.0, before.next_tets);
+  if (name == "weigh") {
+    const bool is_enough = before.tets >= run.params().at("adapt").at("lines").get<double>();
+    found.expected.next_tets = is_enough ? 0.0 : before.tets + 3.0;
+  }
+  return found;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -266,7 +291,10 @@ int main(int argc, char** argv) {
   if (environment("FAKE_" + name) == "no_describe" && std::string(argv[1]) == "describe") return 0;
   // Somebody writes to the input after the engine has made the key.
   if (environment("FAKE_" + name) == "late_input") std::ofstream("volume.txt") << "late\n";
-  const Stage stage{
-      .info = declare(name), .run = [&name](StageRun& run) { work(name, run); }, .check = {}};
+  Stage stage{.info = declare(name), .run = [&name](StageRun& run) { work(name, run); }};
+  if (name == "alpha" || name == "beta" || name == "grow" || name == "weigh")
+    stage.estimate = [&name](StageRun& run, const Expected& before) {
+      return estimate(name, run, before);
+    };
   return stage_main(argc, argv, stage);
 }

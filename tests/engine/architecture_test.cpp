@@ -133,6 +133,8 @@ const std::vector<Folder> folders = {
     {"stages/simulate/scene", {"pipeline/base", "stages/mesh", "sim/*"}},
     {"stages/simulate/exchange",
      {"pipeline/base", "stages/mesh", "stages/simulate/scene", "sim/*"}},
+    {"stages/simulate/files",
+     {"pipeline/base", "stages/image", "stages/mesh", "stages/trajectory", "sim/*"}},
     {"stages/simulate",
      {"pipeline/base", "pipeline/contract", "stages/program", "stages/image", "stages/mesh",
       "stages/trajectory", "stages/simulate/*", "sim/*"}},

@@ -6,7 +6,7 @@
 
 #include "pipeline/base/digest.hpp"
 #include "pipeline/base/trial_read.hpp"
-#include "stages/simulate/checkpoint.hpp"
+#include "stages/simulate/files/checkpoint.hpp"
 #include "tests/fuzz/fuzz_file.hpp"
 #include "tests/fuzz/hostile_hdf5.hpp"
 

@@ -7,6 +7,7 @@
 #include "pipeline/base/error.hpp"
 #include "stages/image/image_io.hpp"
 #include "stages/image/label_components.hpp"
+#include "stages/image/label_facts.hpp"
 #include "stages/labels/bridges.hpp"
 #include "stages/labels/clean.hpp"
 #include "stages/labels/stage.hpp"
@@ -367,6 +368,26 @@ TEST_F(Labels, ARealSegmentationBecomesOneBodyWithItsTumours) {
   EXPECT_EQ(labels[0].at("name"), "liver");
   EXPECT_NEAR(labels[0].at("ml").get<double>(), 1393.9, 1.0);
   EXPECT_NEAR(labels[1].at("ml").get<double>(), 49.0, 0.5);
+}
+
+TEST(LabelFacts, AreVolumesFacesAndTheBoxAroundTheLabelsInPatientAxes) {
+  LabelImage image;
+  image.frame.size = {4, 3, 2};
+  image.frame.spacing = {1.0, 2.0, 5.0};
+  image.frame.direction = {0, -1, 0, 1, 0, 0, 0, 0, 1};  // i along y, j along -x
+  image.voxels.assign(image.frame.voxels(), 0);
+  image.voxels[image.frame.index(1, 1, 0)] = 3;
+  image.voxels[image.frame.index(2, 1, 0)] = 8;
+  image.names = {{3, "liver"}};
+  const LabelFacts facts = find_facts(image);
+  EXPECT_DOUBLE_EQ(facts.label_ml.at("liver"), 0.01);
+  EXPECT_DOUBLE_EQ(facts.label_ml.at("label_8"), 0.01) << "which has no name";
+  EXPECT_EQ(facts.extent_mm, (std::array{2.0, 2.0, 5.0}));
+  EXPECT_EQ(facts.voxels, 24u);
+  EXPECT_EQ(facts.voxel_faces, 2u + 4u + 2u + 1u)
+      << "along i, of which one is between the labels; j; k";
+  image.voxels.assign(image.frame.voxels(), 0);
+  EXPECT_TRUE(find_facts(image).label_ml.empty());
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // checkpoint.h5: damaged files are told from whole ones, and whole ones of absurd states do no
 // harm.
-#include "stages/simulate/checkpoint.hpp"
+#include "stages/simulate/files/checkpoint.hpp"
 
 #include <gtest/gtest.h>
 

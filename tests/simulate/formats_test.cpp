@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "stages/simulate/checkpoint.hpp"
+#include "stages/simulate/files/checkpoint.hpp"
 #include "tests/common/calculix.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/simulate/simulate_run.hpp"

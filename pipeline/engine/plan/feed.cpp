@@ -79,6 +79,21 @@ std::string missing_producers(const Plan& plan, std::size_t i, const Entries& en
   return count > named ? fmt::format("{} and {} more", names, count - named) : names;
 }
 
+std::vector<std::pair<std::string, std::string>> param_texts(const PlannedStage& stage,
+                                                             unsigned threads) {
+  std::vector<std::pair<std::string, std::string>> texts;
+  for (const auto& param : stage.program.info.params) {
+    const Json& value = stage.params.at(param.name);
+    const bool has_unit = value.is_number() && param.unit != "1";
+    if (threads > 0 && is_thread_count(param) && value == 0) {
+      texts.emplace_back(param.name, std::to_string(threads));
+    } else if (!value.is_null()) {
+      texts.emplace_back(param.name, value.dump() + (has_unit ? param.unit : ""));
+    }
+  }
+  return texts;
+}
+
 std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const Entries& entries,
                                          const fs::path& out, const WorkFolders& folders,
                                          unsigned threads) {
@@ -105,15 +120,7 @@ std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const 
       add("--in", role, (folder / input.produced_file).string());
     }
   }
-  for (const auto& param : stage.program.info.params) {
-    const Json& value = stage.params.at(param.name);
-    const bool has_unit = value.is_number() && param.unit != "1";
-    if (threads > 0 && is_thread_count(param) && value == 0) {
-      add("--set", param.name, std::to_string(threads));
-    } else if (!value.is_null()) {
-      add("--set", param.name, value.dump() + (has_unit ? param.unit : ""));
-    }
-  }
+  for (const auto& [name, value] : param_texts(stage, threads)) add("--set", name, value);
   return all;
 }
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "pipeline/engine/plan/graph.hpp"
@@ -34,8 +35,13 @@ void name_cases(Plan& plan, std::size_t i, const Entries& entries);
 // Producers of stage `i` that have made nothing yet, in words; empty when there are none.
 std::string missing_producers(const Plan& plan, std::size_t i, const Entries& entries);
 
+// The params of a stage as a command line gives them, by name. `threads`: of each stage that takes
+// all when it is not told; 0: all.
+std::vector<std::pair<std::string, std::string>> param_texts(const PlannedStage& stage,
+                                                             unsigned threads);
+
 // The command line of stage `i`, which reads what earlier stages laid out
-// below `out`. `threads`: of each stage that takes all when it is not told; 0: all.
+// below `out`. `threads` as above.
 std::vector<std::string> stage_arguments(const Plan& plan, std::size_t i, const Entries& entries,
                                          const std::filesystem::path& out,
                                          const WorkFolders& folders, unsigned threads);

@@ -7,27 +7,20 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/engine/plan/case_report.hpp"
 #include "pipeline/engine/plan/graph_text.hpp"
+#include "pipeline/engine/run/look.hpp"
 #include "pipeline/engine/run/status.hpp"
 
 namespace viscera::engine {
+
+Look::Look(const InspectOptions& options)
+    : spec(load_spec(options.spec)),
+      store(options.places.cache, true),
+      catalog(options.places.programs, store),
+      plan(make_plan(spec, catalog, options.spec.keep_going ? &spec.refused : nullptr)),
+      found(survey(spec, plan, store, options.places.out / spec.name,
+                   std::vector<bool>(plan.size(), false))) {}
+
 namespace {
-
-// A spec with its plan and what a run of it would do.
-struct Look {
-  explicit Look(const InspectOptions& options)
-      : spec(load_spec(options.spec)),
-        store(options.places.cache, true),
-        catalog(options.places.programs, store),
-        plan(make_plan(spec, catalog, options.spec.keep_going ? &spec.refused : nullptr)),
-        found(survey(spec, plan, store, options.places.out / spec.name,
-                     std::vector<bool>(plan.size(), false))) {}
-
-  Spec spec;
-  Store store;
-  Catalog catalog;
-  Plan plan;
-  Survey found;
-};
 
 Failures failures_of(const Look& look) {
   Failures failures;

@@ -9,7 +9,7 @@ struct InspectOptions {
   SpecRequest spec;
   Places places;
   std::string stage;            // why: this one; empty: all
-  std::string format = "text";  // status: text, json; graph: mermaid, dot, json
+  std::string format = "text";  // status, estimate: text, json; graph: mermaid, dot, json
 };
 
 // Each prints to stdout. `why`: what each stage would do, with old and new values. `status`: the

@@ -332,10 +332,14 @@ void MeshJob::check_cell_size(double cell_size) const {
        .remedy = fmt::format("use {:.2g} mm or more", std::cbrt(expected_tets(1.0) / most_tets))});
 }
 
+double mesh_memory(double tets, double field_voxels) {
+  return program_bytes + bytes_per_tet * tets + bytes_per_voxel * field_voxels;
+}
+
 double MeshJob::estimate_memory(double tets) const {
   const double voxels =
       fields_ ? static_cast<double>(fields_->frame().voxels() * (fields_->ids().size() + 1)) : 0.0;
-  return program_bytes + bytes_per_tet * tets + bytes_per_voxel * voxels;
+  return mesh_memory(tets, voxels);
 }
 
 std::size_t MeshJob::calibrate(double cell_size) {

@@ -58,6 +58,10 @@ struct MeshRequest {
   bool by_fields(bool has_labels, bool has_surface) const;
 };
 
+// Bytes that meshing and judging so many tets takes, with the fields on so many voxels, all labels'
+// and the body's counted.
+double mesh_memory(double tets, double field_voxels);
+
 class MeshJob {
  public:
   // Settles the route; throws Error(bad_config) where inputs and parameters do not fit, and
@@ -102,8 +106,7 @@ class MeshJob {
   // Throws Error(bad_config) when a cell size asks for more than 20 million tets.
   void check_cell_size(double cell_size) const;
 
-  // Bytes that meshing and judging this many tets takes, fields included.
-  double estimate_memory(double tets) const;
+  double estimate_memory(double tets) const;  // bytes, of mesh_memory
 
  private:
   void take_labels(MeshRequest& request);

@@ -1,4 +1,4 @@
-#include "stages/simulate/checkpoint.hpp"
+#include "stages/simulate/files/checkpoint.hpp"
 
 #include <fmt/format.h>
 

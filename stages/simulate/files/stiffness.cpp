@@ -1,4 +1,4 @@
-#include "stages/simulate/stiffness.hpp"
+#include "stages/simulate/files/stiffness.hpp"
 
 #include <fmt/format.h>
 

@@ -1,0 +1,239 @@
+#include "stages/simulate/estimate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <optional>
+#include <set>
+
+#include "pipeline/base/error.hpp"
+#include "stages/mesh/tet_io.hpp"
+#include "stages/simulate/error_report.hpp"
+#include "stages/simulate/pilot_body.hpp"
+#include "stages/simulate/scene/schedule.hpp"
+#include "stages/simulate/setup.hpp"
+#include "stages/simulate/solver_choice.hpp"
+
+namespace viscera {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+constexpr double trial_s = 1.0;  // of frames; and no fewer than these, of which the first warms up
+constexpr std::size_t fewest_frames = 4;
+// Newton's method takes long on large bodies: it is tried on fewer tets. Factorisations of sparse
+// matrices of meshes in space take n^2 operations (George and Liu 1981), other work n; measured
+// between 4,000 and 20,000 tets: n^1.5.
+constexpr double most_fem_tets = 4000.0, fem_growth = 1.5;
+// How far frames of a run were off those tried (docs/performance.md).
+constexpr double low = 0.8, high = 1.25;
+// The error bar, on two cores (docs/results/body.md): 4 s at 20,000 tets, 15 at 40,000, 50 at
+// 81,000.
+constexpr double error_bar_s = 4.0, error_bar_tets = 20e3, error_bar_growth = 1.8;
+// Of what frames take in memory, in trajectory.h5.
+constexpr double packed = 0.7;
+// Beside what an estimate takes itself: reading meshes and writing trajectories.
+constexpr double files_mb = 16.0;
+
+// A box of so many tets rests earlier than an organ of its volume, which rocks and bends more:
+// by 2.1 to 3.9 on the phantom and two livers, dropped and held (docs/performance.md).
+constexpr double rest_tets = 1000.0, soonest_rest = 1.5, latest_rest = 5.0;
+
+// The body of the run: its own where it is there, or one like it.
+struct Pilot {
+  SceneFile file;
+  sim::Model model;
+  Expected body;  // of the run; the model may have fewer tets
+};
+
+// What elements and mesh together were off, as a share of the displacement, of livers and the
+// phantom held at one side and bent by their weight, at Poisson's ratio .45: that of the best and
+// of the worst body with so many tets, and how it falls with their number (docs/performance.md).
+struct UsualError {
+  double least, most, tets, falls;
+  double with(double tets_now, double end) const { return end * std::pow(tets / tets_now, falls); }
+};
+
+UsualError usual_error(sim::Element element) {
+  if (element == sim::Element::smoothed) return {0.048, 0.13, 5000.0, 0.53};
+  if (element == sim::Element::quadratic) return {0.012, 0.08, 4000.0, 0.67};
+  return {0.24, 0.32, 4000.0, 0.33};
+}
+
+// How much more it is at another ratio: bars, the phantom and two livers at .3, .45 and .49.
+double locking_factor(double nu) {
+  if (nu <= 0.45) return std::max(0.65, 1.0 - (0.45 - nu) / 0.15 * 0.35);
+  return std::min(2.0, 1.0 + (nu - 0.45) / 0.04);
+}
+
+// The usual error of a run, as a share: of the best body and of the worst.
+struct ErrorRange {
+  double least, most;
+  double falls;  // as tets^-falls
+};
+
+ErrorRange error_range(const Pilot& pilot) {
+  const UsualError usual = usual_error(pilot.file.element.value_or(sim::Element::linear));
+  const double factor = locking_factor(pilot.model.largest_poisson_ratio());
+  return {factor * usual.with(pilot.body.tets, usual.least),
+          factor * usual.with(pilot.body.tets, usual.most), usual.falls};
+}
+
+// Of the mesh of another round at most; 0: none is expected.
+double next_tets(const StageRun& run, const Pilot& pilot) {
+  constexpr double most_growth = 4.0, aimed_at = 0.9;  // as sim::tets_for
+  const auto goal = read_adapt(run);
+  const double tets = pilot.body.tets;
+  if (!goal || goal->last) return 0.0;
+  const auto at_most = static_cast<double>(goal->at_most);
+  double growth = most_growth;
+  if (goal->total) {
+    const ErrorRange error = error_range(pilot);
+    if (error.most <= *goal->total) return 0.0;
+    growth = std::min(growth, std::pow(error.most / (aimed_at * *goal->total), 1.0 / error.falls));
+  }
+  const double next = std::min(at_most, growth * tets);
+  return next > tets ? next : 0.0;
+}
+
+std::vector<std::string> words_of(const Pilot& pilot, const sim::Stability& stability,
+                                  const sim::SolverOptions& options, const sim::Solver& solver,
+                                  double per_frame_s) {
+  const sim::Scene& scene = pilot.file.scene;
+  std::vector<std::string> words = {
+      fmt::format("{:.3g} ms a frame of {} substeps, on {}; {:.0f} tets", 1e3 * per_frame_s,
+                  scene.time.substeps, solver.device(), pilot.body.tets)};
+  if (options.method == sim::Method::pbd) return words;  // it knows no material
+  const ErrorRange error = error_range(pilot);
+  words.push_back(fmt::format(
+      "elements and mesh: {:.2g} to {:.2g} % off on livers that hang by one side; certify: true "
+      "says what it is here",
+      100.0 * error.least, 100.0 * error.most));
+  if (options.method == sim::Method::xpbd)
+    words.push_back(
+        fmt::format("solver: at rest {:.2g} % off or less", 100.0 * stability.sweep_error));
+  return words;
+}
+
+std::set<std::string> regions_of(const sim::Scene& scene) {
+  std::set<std::string> names;
+  sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (std::derived_from<typename Effect::Params, sim::Selection>) {
+      for (const auto& params : std::get<i>(scene.effects))
+        if (!params.region.empty()) names.insert(params.region);
+    }
+  });
+  return names;
+}
+
+Pilot stand_in(const StageRun& run, SceneFile file, const Expected& body, double tets) {
+  sim::Model model = body_of(run, file, pilot_body(body, tets, regions_of(file.scene)));
+  return {std::move(file), std::move(model), body};
+}
+
+Pilot pilot_of(StageRun& run, const Expected& before) {
+  const bool is_fem = run.param<std::string>("solver") == "fem";
+  if (run.has_input("mesh")) {
+    auto [file, mesh, model] = set_up(run);
+    const Expected body = expected_of(model);
+    if (is_fem && body.tets > most_fem_tets)
+      return stand_in(run, std::move(file), body, most_fem_tets);
+    return {std::move(file), std::move(model), body};
+  }
+  return stand_in(run, scene_of(run, run.params().at("change")), before,
+                  is_fem ? std::min(before.tets, most_fem_tets) : before.tets);
+}
+
+// Seconds that a frame takes: the median of those after the first.
+double time_frames(Pilot& pilot, const Schedule& schedule, sim::Solver& solver,
+                   FrameOptions frames) {
+  std::vector<double> ends;
+  const auto begin = Clock::now();
+  frames.keep = [&](const ComputedFrame&, const sim::State&) {
+    ends.push_back(seconds_since(begin));
+  };
+  frames.objects = [&](const sim::State&) {
+    return ends.size() > fewest_frames && ends.back() > trial_s ? "enough was tried" : "";
+  };
+  run_frames(solver, pilot.model, pilot.file.scene, schedule, frames);
+  if (ends.size() < 3) return ends.empty() ? 0.0 : ends.back();
+  std::vector<double> took;
+  for (std::size_t i = 2; i < ends.size(); ++i) took.push_back(ends[i] - ends[i - 1]);
+  std::ranges::nth_element(took, took.begin() + took.size() / 2);
+  return took[took.size() / 2];
+}
+
+// Times between which a run ends, s.
+struct End {
+  double earliest, latest;
+};
+
+// A run ends with its time, or as soon as the body rests: a body of few tets is left to.
+End end_of(StageRun& run, const Pilot& pilot, const Schedule& schedule,
+           const sim::SolverOptions& options) {
+  const sim::Scene& scene = pilot.file.scene;
+  const double last = scene.time.end_s, least = schedule.loads_end() + scene.rest.hold_s;
+  if (least >= last) return {last, last};
+  if (options.method == sim::Method::fem) return {least, last};
+  // The policy has fitted the pilot's scene to its own tets.
+  Pilot small = stand_in(run, scene_of(run, run.params().at("change")), pilot.body,
+                         std::min(rest_tets, pilot.body.tets));
+  apply_policy(schedule, small.model, small.file.scene, options);
+  const auto solver = sim::make_on_cpu(small.model, small.file.scene, options);
+  FrameOptions frames = frame_options(run, small.file, small.model, options);
+  frames.keep = [](const ComputedFrame&, const sim::State&) {};
+  const Outcome outcome = run_frames(*solver, small.model, small.file.scene, schedule, frames);
+  if (!outcome.rested) return {least, last};
+  const double rests = outcome.frames.back().time_s;
+  return {std::min(last, soonest_rest * rests), std::min(last, latest_rest * rests)};
+}
+
+}  // namespace
+
+Estimate estimate_simulate(StageRun& run, const Expected& before) {
+  Estimate estimate{.expected = before};
+  if (!run.has_input("mesh") && before.tets <= 0.0) {
+    estimate.words.push_back("neither a mesh nor what it will be is known");
+    return estimate;
+  }
+  const auto begin = Clock::now();
+  Pilot pilot = pilot_of(run, before);
+  sim::Scene& scene = pilot.file.scene;
+  const Schedule schedule(pilot.file);
+  const auto [options, why] = solver_choice(run, pilot.model, scene);
+  const sim::Stability stability = apply_policy(schedule, pilot.model, scene, options);
+  const auto solver = choose_solver(run, pilot.model, scene, options);
+  const double setup_s = seconds_since(begin);
+  const End end = end_of(run, pilot, schedule, options);
+  double per_frame_s =
+      time_frames(pilot, schedule, *solver, frame_options(run, pilot.file, pilot.model, options));
+  const double tets = pilot.body.tets;
+  const double growth = tets / static_cast<double>(pilot.model.tet_count());
+  if (options.method == sim::Method::fem) per_frame_s *= std::pow(growth, fem_growth);
+  const bool certifies = run.param<bool>("certify") || run.has_param("adapt");
+  const double certify_s =
+      certifies ? error_bar_s * std::pow(tets / error_bar_tets, error_bar_growth) : 0.0;
+  const double frame_s = scene.time.frame_s;
+  estimate.wall_low_s = low * (setup_s + end.earliest / frame_s * per_frame_s + certify_s);
+  estimate.wall_high_s = high * (setup_s + end.latest / frame_s * per_frame_s + certify_s);
+  estimate.words = words_of(pilot, stability, options, *solver, per_frame_s);
+  if (end.earliest < end.latest) {
+    estimate.words.push_back(
+        fmt::format("ends when it rests, at {:.2g} to {:.2g} s", end.earliest, end.latest));
+  }
+  estimate.expected.next_tets = next_tets(run, pilot);
+  const double vertices = growth * static_cast<double>(pilot.model.vertex_count());
+  estimate.memory_mb = used_mb() + files_mb;
+  estimate.expected.tets = tets;
+  estimate.expected.trajectory_mb =
+      1e-6 * packed * end.latest / frame_s * 3.0 * sizeof(float) * vertices;
+  return estimate;
+}
+
+}  // namespace viscera

@@ -1,0 +1,23 @@
+// A body that stands in for one whose mesh is not made yet, as large and of as many tets.
+#pragma once
+
+#include <set>
+#include <string>
+
+#include "sim/model/model.hpp"
+#include "stages/mesh/tet_mesh.hpp"
+#include "stages/program/estimate.hpp"
+
+namespace viscera {
+
+// What is to be known of a body for one that stands in for it.
+Expected expected_of(const sim::Model& model);
+
+// A box of cubes of six tets each (Kuhn 1960), with the sides of the body's box in proportion and
+// its volume; its materials are layers along the longest side, with their shares of the volume. One
+// vertex is moved so that the flattest tets are as flat as those of the mesher's livers. `regions`
+// are those that a scene names: the first layers, as large a share of the body as is expected of
+// them.
+TetMesh pilot_body(const Expected& expected, double tets, const std::set<std::string>& regions);
+
+}  // namespace viscera
