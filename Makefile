@@ -122,12 +122,13 @@ stage-report: programs $(OUT)/simulate/manifest.json ## viscera-report, into out
 $(OUT)/%/manifest.json:
 	@$(MAKE) --no-print-directory stage-$*
 
-gpu-bundle: build $(OUT)/tetmesh/manifest.json ## build/gpu-bundle, to be copied to a GPU node
+gpu-bundle: build ## build/gpu-bundle, to be copied to a GPU node
 	@$(BIN)/viscera run configs/gpu/meshes.yaml --quiet
 	@.ci/gpu-bundle
 
-test-gpu: build $(OUT)/tetmesh/manifest.json ## the GPU tests on this machine; fails without a device
-	@VISCERA_REQUIRE_GPU=1 VISCERA_GPU_MESH=$(OUT)/tetmesh/mesh.vtu \
+test-gpu: build ## the GPU tests on this machine; fails without a device
+	@$(BIN)/viscera run configs/gpu/meshes.yaml --case 16mm --quiet
+	@VISCERA_REQUIRE_GPU=1 VISCERA_GPU_MESH=out/meshes/16mm/mesh.vtu \
 	  VISCERA_GPU_SCENE=configs/scenes/drop.yaml $(BIN)/test_gpu
 
 # Debian's: of another Python, the packages that the wheel is made with may be absent.

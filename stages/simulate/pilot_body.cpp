@@ -2,16 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "stages/simulate/body.hpp"
 
 namespace viscera {
 namespace {
 
-// Smallest altitude over the cube root of a tet's mean volume: .19 to .34 on 20 meshes of the
-// phantom and of four livers without regions, median .24. The altitudes of this body's tets over
-// the faces across a cube are 6^(1/3), its edge.
-constexpr double flattest = 0.24, across_cube = 1.817;
+// The altitudes of its tets over the faces across a cube, over the cube root of their volume:
+// 6^(1/3).
+constexpr double across_cube = 1.817;
 
 // Corners of a cube, bit a of their number set where they lie on the far side along axis a, and the
 // orders of axes along whose edges a path leads from the first to the last: a tet each.
@@ -21,6 +21,22 @@ std::array<int, 3> cubes_of(const std::array<double, 3>& sides, double cube) {
   std::array<int, 3> cubes{};
   for (int a = 0; a < 3; ++a)
     cubes[a] = std::max(2, static_cast<int>(std::lround(sides[a] / cube)));
+  return cubes;
+}
+
+// Places of cubes, near ones one after the other as the mesher's tets are: a Morton curve.
+std::vector<std::array<int, 3>> cubes_along_a_curve(const std::array<int, 3>& n) {
+  std::vector<std::array<int, 3>> cubes;
+  for (int k = 0; k < n[2]; ++k)
+    for (int j = 0; j < n[1]; ++j)
+      for (int i = 0; i < n[0]; ++i) cubes.push_back({i, j, k});
+  std::ranges::sort(cubes, {}, [](const std::array<int, 3>& cube) {
+    std::uint64_t code = 0;
+    for (int bit = 0; bit < 20; ++bit)
+      for (int a = 0; a < 3; ++a)
+        code |= static_cast<std::uint64_t>((cube[a] >> bit) & 1) << (3 * bit + a);
+    return code;
+  });
   return cubes;
 }
 
@@ -102,16 +118,13 @@ TetMesh pilot_body(const Expected& expected, double tets, const std::set<std::st
     mesh.label_names[static_cast<int>(mesh.label_names.size()) + 1] = name;
   const std::vector<double> ends = ends_of_labels(expected);
   std::vector<int> layer_of_tet;
-  for (int k = 0; k < n[2]; ++k)
-    for (int j = 0; j < n[1]; ++j)
-      for (int i = 0; i < n[0]; ++i) {
-        std::array<int, 8> corners{};
-        for (int c = 0; c < 8; ++c)
-          corners[c] = point(i + (c & 1), j + ((c >> 1) & 1), k + ((c >> 2) & 1));
-        const int layer = std::array{i, j, k}[longest];
-        add_cube(mesh, corners, label_at(layer, ends, n[longest]));
-        layer_of_tet.insert(layer_of_tet.end(), 6, layer);
-      }
+  for (const auto& cube : cubes_along_a_curve(n)) {
+    std::array<int, 8> corners{};
+    for (int c = 0; c < 8; ++c)
+      corners[c] = point(cube[0] + (c & 1), cube[1] + ((c >> 1) & 1), cube[2] + ((c >> 2) & 1));
+    add_cube(mesh, corners, label_at(cube[longest], ends, n[longest]));
+    layer_of_tet.insert(layer_of_tet.end(), 6, cube[longest]);
+  }
   for (const std::string& name : regions) {
     const auto known = expected.region_share.find(name);
     const double share = known == expected.region_share.end() ? unknown_share : known->second;
@@ -121,7 +134,8 @@ TetMesh pilot_body(const Expected& expected, double tets, const std::set<std::st
   // A vertex inside goes along a cube's diagonal, and with it the altitudes over faces at its end.
   auto& moved = mesh.points[point(1, 1, 1)];
   const auto& end = mesh.points[point(2, 2, 2)];
-  for (int a = 0; a < 3; ++a) moved[a] += (1.0 - flattest / across_cube) * (end[a] - moved[a]);
+  for (int a = 0; a < 3; ++a)
+    moved[a] += (1.0 - flattest_of_box / across_cube) * (end[a] - moved[a]);
   return mesh;
 }
 

@@ -67,9 +67,11 @@ TEST(PilotBody, KeepsWhatABodyTells) {
 
 class EstimateSimulation : public Simulate {
  protected:
+  EstimateSimulation() { log::set_level(log::Level::warn); }  // as the program does
+  ~EstimateSimulation() override { log::set_level(log::Level::info); }
+
   Estimate of(const std::string& scene, const Expected& before, bool has_mesh = false,
               const Json& params = Json::object()) {
-    log::set_level(log::Level::warn);  // as the program does
     write_atomically(path("scene.yaml"), scene);
     std::multimap<std::string, fs::path> inputs = {{"scene", path("scene.yaml")}};
     if (has_mesh) inputs.emplace("mesh", path("mesh.vtu"));
@@ -90,10 +92,10 @@ TEST_F(EstimateSimulation, SaysTimeMemoryAndErrorOfABodyThatIsNotMeshedYet) {
   EXPECT_LT(found.wall_low_s, found.wall_high_s) << "it may rest sooner or later";
   EXPECT_EQ(found.expected.tets, 700.0);
   EXPECT_GT(found.expected.trajectory_mb, 0.0);
-  ASSERT_EQ(found.words.size(), 4u);
+  ASSERT_GE(found.words.size(), 4u);
   EXPECT_NE(found.words[0].find("a frame of 32 substeps"), std::string::npos) << found.words[0];
   EXPECT_NE(found.words[1].find("% off"), std::string::npos);
-  EXPECT_NE(found.words[3].find("ends when it rests"), std::string::npos);
+  EXPECT_NE(found.words.back().find("ends when it rests"), std::string::npos);
 }
 
 TEST_F(EstimateSimulation, TakesTheMeshThatIsThere) {

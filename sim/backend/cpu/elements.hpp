@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "sim/backend/block_layout.hpp"
+#include "sim/backend/cpu/parts.hpp"
 #include "sim/backend/cpu/sweep.hpp"
 #include "sim/model/coloring.hpp"
 #include "sim/solvers/options.hpp"
@@ -48,22 +49,28 @@ bool have_vertices_below(const Elements& elements, int vertex_count) {
   });
 }
 
-// Appends elements colour by colour.
+template <std::size_t arity>
+Coloring color_those(std::span<const std::array<int, arity>> elements, std::span<const int> which,
+                     int vertex_count) {
+  std::vector<std::array<int, arity>> those;
+  for (const int e : which) those.push_back(elements[e]);
+  Coloring coloring = color_elements<arity>(those, vertex_count);
+  for (int& e : coloring.order) e = which[e];
+  return coloring;
+}
+
+// Appends the elements of a colouring, colour by colour.
 template <class Effect, class T>
-void append_by_color(const Prepared<Effect, T>& elements, int vertex_count,
-                     PackedElements<Effect, T>& packed) {
-  using Vertices = typename PackedElements<Effect, T>::Vertices;
-  const Coloring coloring =
-      color_elements<Effect::arity>(std::span<const Vertices>(elements.vertices), vertex_count);
+void append_colors(const Prepared<Effect, T>& elements, const Coloring& coloring,
+                   PackedElements<Effect, T>& packed) {
+  std::vector<typename PackedElements<Effect, T>::Vertices> vertices;
   for (int color = 0; color < coloring.color_count(); ++color) {
-    const auto begin = coloring.order.begin();
-    const std::span<const int> members(begin + coloring.color_begin[color],
-                                       begin + coloring.color_begin[color + 1]);
-    std::vector<Vertices> vertices;
+    const int begin = coloring.color_begin[color], end = coloring.color_begin[color + 1];
+    const auto members = std::span(coloring.order).subspan(begin, end - begin);
+    vertices.clear();
     for (const int e : members) vertices.push_back(elements.vertices[e]);
     packed.append_color(members, vertices);
   }
-  packed.set_rest(elements.rest);
 }
 
 template <class Effect, class T>
@@ -78,7 +85,8 @@ struct CpuElements {
     if (scheme == Scheme::block_gauss_seidel) {
       lay_out_blocks(elements);
     } else {
-      append_by_color(elements, layout.vertices, packed);
+      lay_out_parts(elements);
+      packed.set_rest(elements.rest);
     }
     VISCERA_ASSERT(have_vertices_below(elements.vertices, layout.vertices),
                    "an element without vertices 0 to " << layout.vertices - 1);
@@ -95,6 +103,10 @@ struct CpuElements {
 
   bool in_blocks() const { return !block_colors_.empty(); }
   bool gathers() const { return !impulses.empty(); }
+
+  // Stage after stage the colours of each part (parts.hpp), one colour after the other; none in
+  // blocks.
+  const std::vector<std::vector<Range>>& stages() const { return stages_; }
 
   // The colours of blocks [begin, end), block after block.
   std::span<const Range> colors_of(Range blocks) const {
@@ -154,6 +166,21 @@ struct CpuElements {
     if (is_constraint<Effect>) return layout.scheme;
     const bool in_blocks = layout.scheme == Scheme::block_gauss_seidel && !layout.holds;
     return in_blocks ? layout.scheme : Scheme::gauss_seidel;
+  }
+
+  void lay_out_parts(const Prepared<Effect, T>& elements) {
+    constexpr std::size_t arity = Effect::arity;
+    const std::span<const std::array<int, arity>> all(elements.vertices);
+    const Halving halving =
+        Halving::of(layout_->vertices, color_elements<arity>(all, layout_->vertices));
+    for (const auto& stage : in_parts(halving, all)) {
+      stages_.emplace_back();
+      for (const std::vector<int>& part : stage) {
+        const auto begin = static_cast<int>(packed.colors.size());
+        append_colors(elements, color_those(all, part, layout_->vertices), packed);
+        stages_.back().push_back({begin, static_cast<int>(packed.colors.size())});
+      }
+    }
   }
 
   void lay_out_blocks(const Prepared<Effect, T>& elements) {
@@ -246,8 +273,9 @@ struct CpuElements {
   }
 
   const ElementLayout<T>* layout_;
-  Placement<Effect::arity> placement_;  // in blocks
-  std::vector<int> block_colors_;       // [blocks + 1], in blocks
+  Placement<Effect::arity> placement_;      // in blocks
+  std::vector<int> block_colors_;           // [blocks + 1], in blocks
+  std::vector<std::vector<Range>> stages_;  // in colours
   std::vector<int> slots_, slots_begin_;
   std::size_t elements_;
 };

@@ -339,23 +339,49 @@ class CpuSubstep {
             own.packed.history.data()};
   }
 
+  // A thread has some of a stage's parts, or shares one with others.
   template <class Elements>
   void sweep_colors(Elements& own, Sweep<T> sweep) {
-    const SweepFields<T> fields = fields_of(own);
-    const auto& colors = own.packed.colors;
     const int threads = body_.team.size();
+    for (const std::vector<Range>& stage : own.stages()) {
+      const auto parts = static_cast<int>(stage.size());
+      if (parts >= threads) {
+        const Range those = part_of({0, parts}, rank_, threads);
+        for (int part = those.begin; part < those.end; ++part) sweep_part(own, sweep, stage[part]);
+      } else {
+        int part = 0;
+        while (part_of({0, threads}, part, parts).end <= rank_) ++part;
+        share_part(own, sweep, stage[part], part_of({0, threads}, part, parts));
+      }
+      body_.team.barrier();
+    }
+  }
+  template <class Elements>
+  void sweep_part(Elements& own, Sweep<T> sweep, Range part) {
+    if (part.begin == part.end) return;
+    const auto& colors = own.packed.colors;
+    sweep(own.packed.groups.data(), {colors[part.begin].begin, colors[part.end - 1].end},
+          fields_of(own));
+  }
+  // Colour by colour among the threads of these ranks.
+  template <class Elements>
+  void share_part(Elements& own, Sweep<T> sweep, Range part, Range ranks) {
+    const SweepFields<T> fields = fields_of(own);
+    const std::span<const Range> colors(own.packed.colors.data() + part.begin,
+                                        own.packed.colors.data() + part.end);
+    const int threads = ranks.end - ranks.begin, place = rank_ - ranks.begin;
     // The last colours hold a few elements each: one thread takes them without waiting in between.
     const auto tail = std::ranges::find_if(colors, [threads](Range color) {
       return color.end - color.begin < shared_groups * threads;
     });
     for (auto color = colors.begin(); color != tail; ++color) {
-      sweep(own.packed.groups.data(), part_of(*color, rank_, threads), fields);
-      body_.team.barrier();
+      sweep(own.packed.groups.data(), part_of(*color, place, threads), fields);
+      body_.team.barrier(ranks);
     }
-    if (rank_ == 0 && tail != colors.end()) {
+    if (place == 0 && tail != colors.end()) {
       sweep(own.packed.groups.data(), {tail->begin, colors.back().end}, fields);
     }
-    body_.team.barrier();
+    body_.team.forget();
   }
 
   // Jacobi: all elements from the same d, then each vertex sums what is its own, in a fixed order.
@@ -439,7 +465,7 @@ class CpuSubstep {
     });
   }
 
-  static constexpr int shared_groups = 4;  // a thread's least part of a colour that is shared out
+  static constexpr int shared_groups = 2;  // a thread's least part of a colour that is shared out
 
   CpuBody<T>& body_;
   int rank_;

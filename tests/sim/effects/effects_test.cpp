@@ -197,7 +197,10 @@ void check_sweeps(std::size_t index) {
   for (const SweepTables& tables : runnable_sweeps()) {
     SweepCase<T> found(model);
     PackedElements<Effect, T> packed;
-    append_by_color(elements, n, packed);
+    using Vertices = typename PackedElements<Effect, T>::Vertices;
+    const std::span<const Vertices> vertices(elements.vertices);
+    append_colors(elements, color_elements<Effect::arity>(vertices, n), packed);
+    packed.set_rest(elements.rest);
     packed.history.resize(packed.groups.size() * packed.history_size * packed.width);
     SweepFields<T> fields = found.fields();
     fields.history = packed.history.data();
