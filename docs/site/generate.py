@@ -418,7 +418,7 @@ def main(binary, pages, site):
         "# Stages\n\n" + table(["stage", "what it does", "reads", "writes"], rows), encoding="utf-8")
 
     helps = [["viscera", "--help"]] + [["viscera", verb, "--help"] for verb in
-             ["run", "why", "status", "graph", "gc", "verify", "schema"]]
+             ["run", "estimate", "why", "status", "graph", "gc", "verify", "schema"]]
     programs = "# The program `viscera`\n\nWhat its help says.\n"
     for program, *words in helps:
         programs += f"\n## {' '.join([program] + words[:-1])}\n\n```text\n" \
