@@ -25,11 +25,12 @@ double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-constexpr double trial_s = 1.0;  // of frames; and no fewer than these, of which the first warms up
+constexpr double trial_s = 1.0;  // of frames; and no fewer than these
 constexpr std::size_t fewest_frames = 4;
+constexpr double patience_s = 3.0;  // until a small body rests
 // Newton's method takes long on large bodies: it is tried on fewer tets. Factorisations of sparse
-// matrices of meshes in space take n^2 operations (George and Liu 1981), other work n; measured
-// between 4,000 and 20,000 tets: n^1.5.
+// matrices of meshes in space take n^2 operations (George and Liu 1981), other work n; between
+// 5,000 and 16,000 tets runs took as n^1.3 (linear) to n^1.5 (quadratic).
 constexpr double most_fem_tets = 4000.0, fem_growth = 1.5;
 // How far frames of a run were off those tried (docs/performance.md).
 constexpr double low = 0.8, high = 1.3;
@@ -110,9 +111,11 @@ std::vector<std::string> words_of(const Pilot& pilot, const sim::Stability& stab
                                   const sim::SolverOptions& options, const sim::Solver& solver,
                                   double per_frame_s) {
   const sim::Scene& scene = pilot.file.scene;
+  const bool is_fem = options.method == sim::Method::fem;
   std::vector<std::string> words = {
-      fmt::format("{:.3g} ms a frame of {} substeps, on {}; {:.0f} tets", 1e3 * per_frame_s,
-                  scene.time.substeps, solver.device(), pilot.body.tets)};
+      fmt::format("{:.3g} ms a frame{}, on {}; {:.0f} tets", 1e3 * per_frame_s,
+                  is_fem ? "" : fmt::format(" of {} substeps", scene.time.substeps),
+                  solver.device(), pilot.body.tets)};
   if (options.method == sim::Method::pbd) return words;  // it knows no material
   const ErrorRange error = error_range(pilot);
   words.push_back(fmt::format(
@@ -154,23 +157,32 @@ Pilot pilot_of(StageRun& run, const Expected& before) {
                   is_fem ? std::min(before.tets, most_fem_tets) : before.tets);
 }
 
-// Seconds that a frame takes: the median of those after the first.
-double time_frames(Pilot& pilot, const Schedule& schedule, sim::Solver& solver,
-                   FrameOptions frames) {
-  std::vector<double> ends;
-  const auto begin = Clock::now();
+// Seconds of the first frame, in which finite elements find an equilibrium, and of those after it:
+// their median.
+struct FrameTimes {
+  double first = 0.0, others = 0.0;
+  double of(double frames) const { return first + std::max(0.0, frames - 1.0) * others; }
+};
+
+FrameTimes time_frames(Pilot& pilot, const Schedule& schedule, sim::Solver& solver,
+                       FrameOptions frames) {
+  std::vector<double> took;  // that of the start before them
+  auto last = Clock::now();
+  const auto begin = last;
   frames.keep = [&](const ComputedFrame&, const sim::State&) {
-    ends.push_back(seconds_since(begin));
+    took.push_back(seconds_since(last));
+    last = Clock::now();
   };
   frames.objects = [&](const sim::State&) {
-    return ends.size() > fewest_frames && ends.back() > trial_s ? "enough was tried" : "";
+    return took.size() > fewest_frames && seconds_since(begin) > trial_s ? "enough was tried" : "";
   };
   run_frames(solver, pilot.model, pilot.file.scene, schedule, frames);
-  if (ends.size() < 3) return ends.empty() ? 0.0 : ends.back();
-  std::vector<double> took;
-  for (std::size_t i = 2; i < ends.size(); ++i) took.push_back(ends[i] - ends[i - 1]);
-  std::ranges::nth_element(took, took.begin() + took.size() / 2);
-  return took[took.size() / 2];
+  if (took.size() < 2) return {};
+  const double first = took[1];
+  took.erase(took.begin(), took.begin() + std::min<std::size_t>(2, took.size() - 1));
+  const auto median = took.begin() + took.size() / 2;
+  std::ranges::nth_element(took, median);
+  return {first, *median};
 }
 
 // How many times as many substeps the policy may ask for, whose mesh has one tet as flat as the
@@ -203,6 +215,10 @@ End end_of(StageRun& run, const Pilot& pilot, const Schedule& schedule,
   const auto solver = sim::make_on_cpu(small.model, small.file.scene, options);
   FrameOptions frames = frame_options(run, small.file, small.model, options);
   frames.keep = [](const ComputedFrame&, const sim::State&) {};
+  const auto begin = Clock::now();
+  frames.objects = [begin](const sim::State&) {
+    return seconds_since(begin) > patience_s ? "it has had its time" : "";
+  };
   const Outcome outcome = run_frames(*solver, small.model, small.file.scene, schedule, frames);
   if (!outcome.rested) return {least, last};
   const double rests = outcome.frames.back().time_s;
@@ -226,20 +242,24 @@ Estimate estimate_simulate(StageRun& run, const Expected& before) {
   const auto solver = choose_solver(run, pilot.model, scene, options);
   const double setup_s = seconds_since(begin);
   const End end = end_of(run, pilot, schedule, options);
-  double per_frame_s =
+  const FrameTimes tried =
       time_frames(pilot, schedule, *solver, frame_options(run, pilot.file, pilot.model, options));
   const double tets = pilot.body.tets;
   const double growth = tets / static_cast<double>(pilot.model.tet_count());
-  if (options.method == sim::Method::fem) per_frame_s *= std::pow(growth, fem_growth);
-  if (pilot.is_box) per_frame_s *= unlike_a_box;
+  const double longer = options.method == sim::Method::fem ? std::pow(growth, fem_growth)
+                        : pilot.is_box                     ? unlike_a_box
+                                                           : 1.0;
   const bool certifies = run.param<bool>("certify") || run.has_param("adapt");
   const double certify_s =
       certifies ? error_bar_s * std::pow(tets / error_bar_tets, error_bar_growth) : 0.0;
   const double frame_s = scene.time.frame_s;
-  estimate.wall_low_s = low * (setup_s + end.earliest / frame_s * per_frame_s + certify_s);
   const double more = pilot.is_box ? more_substeps(pilot, stability) : 1.0;
-  estimate.wall_high_s = high * (setup_s + more * end.latest / frame_s * per_frame_s + certify_s);
-  estimate.words = words_of(pilot, stability, options, *solver, per_frame_s);
+  const double fewest = end.earliest / frame_s, most = end.latest / frame_s;
+  estimate.wall_low_s = low * (setup_s + longer * tried.of(fewest) + certify_s);
+  estimate.wall_high_s = high * (setup_s + more * longer * tried.of(most) + certify_s);
+  estimate.words = words_of(pilot, stability, options, *solver, longer * tried.others);
+  if (run.has_param("accuracy") && !run.has_input("mesh"))
+    estimate.words.push_back("accuracy chooses solver and substeps once the mesh is there");
   if (more > 1.0) {
     estimate.words.push_back(fmt::format("up to {:.0f} substeps, as flat as one tet may be",
                                          std::ceil(more * scene.time.substeps)));
@@ -252,8 +272,7 @@ Estimate estimate_simulate(StageRun& run, const Expected& before) {
   const double vertices = growth * static_cast<double>(pilot.model.vertex_count());
   estimate.memory_mb = used_mb() + files_mb;
   estimate.expected.tets = tets;
-  estimate.expected.trajectory_mb =
-      1e-6 * packed * end.latest / frame_s * 3.0 * sizeof(float) * vertices;
+  estimate.expected.trajectory_mb = 1e-6 * packed * most * 3.0 * sizeof(float) * vertices;
   return estimate;
 }
 
