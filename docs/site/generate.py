@@ -328,7 +328,7 @@ PACKAGE = "pipeline/python/viscera"
 PYTHON = [("labels.py", ["read_labels"]), ("_preparation.pyi", ["Labels", "Surface"]),
           ("_viscera.pyi", ["TetMesh"]), ("__init__.py", ["Simulation"]), ("torch.py", ["AtRest"]),
           ("bridges.py", ["mesh_to_vtk", "surface_to_vtk", "simulation_to_vtk", "mesh_to_meshio", "mesh_from_meshio"]),
-          ("programs.py", ["run", "Stage", "Failed"]), ("_viscera.pyi", ["Error", "read_mesh"])]
+          ("programs.py", ["run", "estimate", "Stage", "Failed"]), ("_viscera.pyi", ["Error", "read_mesh"])]
 
 
 def signature(name, function):

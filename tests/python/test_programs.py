@@ -40,3 +40,17 @@ def test_a_run_that_cannot_be_made_raises_what_the_programs_say(tmp_path):
     with pytest.raises(programs.Failed, match="cell_size") as failed:
         viscera.run("configs/demo.yaml", {"tetmesh.cell_size": "-1 mm"}, out=tmp_path, until="tetmesh")
     assert failed.value.exit_code == 3
+
+
+def test_an_estimate_says_what_a_run_would_take_and_writes_nothing(tmp_path):
+    values = {"tetmesh.cell_size": "14 mm"}
+    said = viscera.estimate("configs/demo.yaml", values, out=tmp_path / "out")
+    assert [stage["stage"] for stage in said["stages"]] == ["labels", "surface", "tetmesh", "simulate", "report"]
+    low, high = said["wall_s"]
+    assert 0.0 < low < high
+    assert said["memory_mb"] > 50.0
+    assert said["unknown"] == []
+    assert any("% off" in words for words in said["stages"][3]["words"])
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(programs.Failed, match="cell_size"):
+        viscera.estimate("configs/demo.yaml", {"tetmesh.cell_size": "-1 mm"}, out=tmp_path / "out")

@@ -113,10 +113,8 @@ class Estimates {
   void ask(std::size_t i, Row& row) {
     const PlannedStage& stage = look_.plan[i];
     if (stage.gathers) return;
-    std::string error;
-    const ProcessEnd end = run_process(arguments_of(i), [&](std::string_view line) {
-      const std::string said = show_stage_line(row.stage, line, [] { return std::string(); });
-      if (!said.empty()) error = said;
+    const ProcessEnd end = run_process(arguments_of(i), [&row](std::string_view line) {
+      show_stage_line(row.stage, line, [] { return std::string(); });
     });
     if (end.exit_code != 0 || end.signal != 0) {
       row.state = "refused";
@@ -219,8 +217,14 @@ ExitCode print_estimate(const InspectOptions& options) {
   for (std::size_t i = 0; i < look.plan.size(); ++i) {
     if (auto row = estimates.of(i)) rows.push_back(std::move(*row));
   }
-  std::cout << (options.format == "json" ? document_of(json_of(rows)) : table_of(rows))
-            << std::flush;
+  if (options.format == "json") {
+    std::cout << document_of(json_of(rows)) << std::flush;
+    return estimates.refusal();
+  }
+  std::cout << table_of(rows);
+  for (const auto& one : look.spec.refused)
+    std::cout << "case " << one.name << ": " << one.message << "\n";
+  std::cout << std::flush;
   return estimates.refusal();
 }
 

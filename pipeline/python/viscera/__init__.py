@@ -26,12 +26,12 @@ from numpy.typing import ArrayLike
 from . import _viscera, bridges
 from ._viscera import Error, TetMesh, __version__, read_mesh
 from .bridges import mesh_from_meshio
-from .programs import run
+from .programs import estimate, run
 
 if TYPE_CHECKING:
     from .labels import Labels, Surface, read_labels
 
-__all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "mesh_from_meshio",
+__all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "estimate", "mesh_from_meshio",
            "read_labels", "read_mesh", "run"]
 
 

@@ -89,11 +89,7 @@ def run(spec: Path, values: Optional[Mapping[str, object]] = None, *, out: Path 
     Returns the stages by name, "CASE/STAGE" where the spec has cases. Gates that fail are in them: only
     a run that could not be made raises Failed.
     """
-    words = [program(), "run", os.fspath(spec), "--out", os.fspath(out), "--progress", "jsonl"]
-    for name, value in (values or {}).items():
-        words += ["--set", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
-    if cache is not None:
-        words += ["--cache", os.fspath(cache)]
+    words = _words("run", spec, values, out, cache) + ["--progress", "jsonl"]
     if until is not None:
         words += ["--until", until]
     told = _Told(progress)
@@ -112,6 +108,33 @@ def run(spec: Path, values: Optional[Mapping[str, object]] = None, *, out: Path 
                      running.returncode)
     folder = pathlib.Path(out) / pathlib.Path(spec).stem
     return {name: Stage(folder / name) for name in told.ended if (folder / name / "manifest.json").exists()}
+
+
+def estimate(spec: Path, values: Optional[Mapping[str, object]] = None, *, out: Path = "out",
+             cache: Optional[Path] = None) -> dict[str, Any]:
+    """What run() would take, in a few seconds: `viscera estimate`. Nothing is written.
+
+    Returns wall_s, the least and the most seconds of all that is not in the cache; memory_mb; unknown, the
+    stages that say nothing; and stages, each with its name, state, wall_s and memory_mb where they are known, and
+    words, among them how far off the body will be. Raises Failed where a stage refuses its params.
+    """
+    done = subprocess.run(_words("estimate", spec, values, out, cache) + ["--json"], capture_output=True, text=True,
+                          check=False)
+    if done.returncode != 0:
+        raise Failed(done.stderr.strip(), done.returncode)
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
+
+
+def _words(command: str, spec: Path, values: Optional[Mapping[str, object]], out: Path,
+           cache: Optional[Path]) -> list[str]:
+    """The command line that run() and estimate() have in common."""
+    words = [program(), command, os.fspath(spec), "--out", os.fspath(out)]
+    for name, value in (values or {}).items():
+        words += ["--set", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
+    if cache is not None:
+        words += ["--cache", os.fspath(cache)]
+    return words
 
 
 class _Told:
