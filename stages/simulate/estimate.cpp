@@ -40,8 +40,9 @@ constexpr double unlike_a_box = 1.2;
 // The error bar, on two cores (docs/results/body.md): 4 s at 20,000 tets, 15 at 40,000, 50 at
 // 81,000.
 constexpr double error_bar_s = 4.0, error_bar_tets = 20e3, error_bar_growth = 1.8;
-// Of what frames take in memory, in trajectory.h5.
-constexpr double packed = 0.7;
+// Of what frames take in memory, in trajectory.h5; and writing them, a vertex: .3 us on two cores
+// of an Intel Xeon, .9 on the host of an H200, where it is most of a frame's time.
+constexpr double packed = 0.7, written_s = 0.6e-6;
 // Beside what an estimate takes itself: reading meshes and writing trajectories.
 constexpr double files_mb = 16.0;
 
@@ -255,8 +256,13 @@ Estimate estimate_simulate(StageRun& run, const Expected& before) {
   const double frame_s = scene.time.frame_s;
   const double more = pilot.is_box ? more_substeps(pilot, stability) : 1.0;
   const double fewest = end.earliest / frame_s, most = end.latest / frame_s;
-  estimate.wall_low_s = low * (setup_s + longer * tried.of(fewest) + certify_s);
-  estimate.wall_high_s = high * (setup_s + more * longer * tried.of(most) + certify_s);
+  const double vertices = growth * static_cast<double>(pilot.model.vertex_count());
+  const auto seconds = [&](double frames, double substeps) {
+    return setup_s + substeps * longer * tried.of(frames) + frames * vertices * written_s +
+           certify_s;
+  };
+  estimate.wall_low_s = low * seconds(fewest, 1.0);
+  estimate.wall_high_s = high * seconds(most, more);
   estimate.words = words_of(pilot, stability, options, *solver, longer * tried.others);
   if (run.has_param("accuracy") && !run.has_input("mesh"))
     estimate.words.push_back("accuracy chooses solver and substeps once the mesh is there");
@@ -269,7 +275,6 @@ Estimate estimate_simulate(StageRun& run, const Expected& before) {
         fmt::format("ends when it rests, at {:.2g} to {:.2g} s", end.earliest, end.latest));
   }
   estimate.expected.next_tets = next_tets(run, pilot);
-  const double vertices = growth * static_cast<double>(pilot.model.vertex_count());
   estimate.memory_mb = used_mb() + files_mb;
   estimate.expected.tets = tets;
   estimate.expected.trajectory_mb = 1e-6 * packed * most * 3.0 * sizeof(float) * vertices;
