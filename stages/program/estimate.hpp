@@ -41,8 +41,8 @@ struct Estimate {
 };
 
 Json to_json(const Estimate& estimate);
-// Reads the member `expected` of such JSON, which is one itself. Throws Error(usage) of a text that
-// is none; an empty text is one that knows nothing.
+// Reads the member `expected` of such JSON, which is one itself. Throws Error(bad_input) of a text
+// that is none; an empty text is one that knows nothing.
 Expected expected_from(const std::string& text);
 
 }  // namespace viscera

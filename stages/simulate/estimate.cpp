@@ -5,11 +5,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <optional>
 #include <set>
 
-#include "pipeline/base/error.hpp"
-#include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/error_report.hpp"
 #include "stages/simulate/pilot_body.hpp"
 #include "stages/simulate/scene/schedule.hpp"

@@ -49,26 +49,25 @@ bool have_vertices_below(const Elements& elements, int vertex_count) {
   });
 }
 
-template <std::size_t arity>
-Coloring color_those(std::span<const std::array<int, arity>> elements, std::span<const int> which,
-                     int vertex_count) {
+// Colours for some of the elements, ascending, whose vertices `vertices_of` numbers from 0.
+template <std::size_t arity, class VerticesOf>
+Coloring color_those(std::span<const int> which, const VerticesOf& vertices_of, int vertex_count) {
   std::vector<std::array<int, arity>> those;
-  for (const int e : which) those.push_back(elements[e]);
+  for (const int e : which) those.push_back(vertices_of(e));
   Coloring coloring = color_elements<arity>(those, vertex_count);
   for (int& e : coloring.order) e = which[e];
   return coloring;
 }
 
 // Appends the elements of a colouring, colour by colour.
-template <class Effect, class T>
-void append_colors(const Prepared<Effect, T>& elements, const Coloring& coloring,
+template <class Effect, class T, class VerticesOf>
+void append_colors(Coloring coloring, const VerticesOf& vertices_of,
                    PackedElements<Effect, T>& packed) {
   std::vector<typename PackedElements<Effect, T>::Vertices> vertices;
   for (int color = 0; color < coloring.color_count(); ++color) {
-    const int begin = coloring.color_begin[color], end = coloring.color_begin[color + 1];
-    const auto members = std::span(coloring.order).subspan(begin, end - begin);
+    const std::span<const int> members = coloring.of_color(color);
     vertices.clear();
-    for (const int e : members) vertices.push_back(elements.vertices[e]);
+    for (const int e : members) vertices.push_back(vertices_of(e));
     packed.append_color(members, vertices);
   }
 }
@@ -170,14 +169,17 @@ struct CpuElements {
 
   void lay_out_parts(const Prepared<Effect, T>& elements) {
     constexpr std::size_t arity = Effect::arity;
+    const int count = layout_->vertices;
     const std::span<const std::array<int, arity>> all(elements.vertices);
-    const Halving halving =
-        Halving::of(layout_->vertices, color_elements<arity>(all, layout_->vertices));
+    const auto vertices_of = [all](int e) { return all[e]; };
+    const Coloring whole = color_elements<arity>(all, count);
+    const Halving halving = Halving::of(count, whole);
     for (const auto& stage : in_parts(halving, all)) {
       stages_.emplace_back();
       for (const std::vector<int>& part : stage) {
         const auto begin = static_cast<int>(packed.colors.size());
-        append_colors(elements, color_those(all, part, layout_->vertices), packed);
+        append_colors(halving.levels == 0 ? whole : color_those<arity>(part, vertices_of, count),
+                      vertices_of, packed);
         stages_.back().push_back({begin, static_cast<int>(packed.colors.size())});
       }
     }
@@ -221,23 +223,17 @@ struct CpuElements {
     std::vector<int> members(placed.element_of.begin() + placed.phase_begin[phases.begin],
                              placed.element_of.begin() + placed.phase_begin[phases.end]);
     std::ranges::sort(members);
-    std::vector<typename Packed::Vertices> local, vertices;
-    for (const int e : members) {
-      auto& element = local.emplace_back(elements.vertices[e]);
-      for (int& v : element) v = layout_->blocks->split().replica_of(block, v) - replicas.begin;
-    }
-    const Coloring coloring = color_elements<Effect::arity>(
-        std::span<const typename Packed::Vertices>(local), replicas.end - replicas.begin);
-    for (int color = 0; color < coloring.color_count(); ++color) {
-      std::vector<int> of_color;
-      vertices.clear();
-      for (int at = coloring.color_begin[color]; at < coloring.color_begin[color + 1]; ++at) {
-        of_color.push_back(members[coloring.order[at]]);
-        auto& element = vertices.emplace_back(local[coloring.order[at]]);
-        for (int& v : element) v += replicas.begin;
-      }
-      packed.append_color(of_color, vertices);
-    }
+    // Its vertices as the block's replicas, numbered in the block or among all.
+    const auto vertices_from = [&](int begin) {
+      return [&, begin](int e) {
+        auto vertices = elements.vertices[e];
+        for (int& v : vertices) v = layout_->blocks->split().replica_of(block, v) - begin;
+        return vertices;
+      };
+    };
+    append_colors(color_those<Effect::arity>(members, vertices_from(replicas.begin),
+                                             replicas.end - replicas.begin),
+                  vertices_from(0), packed);
   }
 
   // What one sweep takes from an element's stiffness is given back where there is but one.

@@ -25,8 +25,7 @@ struct Halving {
   // As many levels as leave enough elements to a colour of a part: few of them do not fill the
   // lanes of their last group. The same on every machine, since results hang on it.
   static Halving of(int vertices, const Coloring& whole) {
-    constexpr int filling =
-        96;  // elements, six groups of 16 lanes: a ninth more time in one thread
+    constexpr int filling = 96;  // elements: six groups of 16 lanes, of which few stay empty
     constexpr int most = 6;
     const int of_color = static_cast<int>(whole.order.size()) / std::max(1, whole.color_count());
     int levels = 0;

@@ -199,7 +199,9 @@ void check_sweeps(std::size_t index) {
     PackedElements<Effect, T> packed;
     using Vertices = typename PackedElements<Effect, T>::Vertices;
     const std::span<const Vertices> vertices(elements.vertices);
-    append_colors(elements, color_elements<Effect::arity>(vertices, n), packed);
+    append_colors(
+        color_elements<Effect::arity>(vertices, n), [vertices](int e) { return vertices[e]; },
+        packed);
     packed.set_rest(elements.rest);
     packed.history.resize(packed.groups.size() * packed.history_size * packed.width);
     SweepFields<T> fields = found.fields();
