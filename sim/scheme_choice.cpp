@@ -1,6 +1,7 @@
 #include "sim/scheme_choice.hpp"
 
 #include "sim/backend/cuda/cuda.hpp"
+#include "sim/measures/stability.hpp"
 #include "sim/solvers/xpbd/damping_choice.hpp"
 
 namespace viscera::sim {
@@ -15,16 +16,16 @@ constexpr std::size_t max_in_blocks = 1'000'000, max_smoothed_in_blocks = 250'00
 std::string what_blocks_lack(const Model& model, const Scene& scene, SolverOptions options) {
   options.scheme = Scheme::gauss_seidel;
   const bool solves_damping = static_cast<bool>(damping_for(model, scene, options));
-  const int order = order_of(scene, options);
   options.scheme = Scheme::block_gauss_seidel;
   if (const std::string lacks = what_cuda_lacks(scene, options); !lacks.empty()) {
     return "a device does not run " + lacks;
   }
   if (scene.accuracy_limit > 0.0) return "blocks on a device do not hold forces (accuracy_limit)";
   if (solves_damping) return "blocks on a device do not solve for the damping of tissue this stiff";
-  if (order > order_of(scene, options) && !scene.has<Viscosity>()) {
+  const bool loses_order = order_of(scene, options) == 2 && is_of_first_order_in_blocks(model);
+  if (loses_order && !scene.has<Viscosity>()) {
     return "without viscosity the rebound is that of the time step, which is of first order in "
-           "blocks";
+           "blocks of tissue this nearly incompressible";
   }
   std::size_t most = scene.has<SmoothedNeoHookean>() ? max_smoothed_in_blocks : max_in_blocks;
   if (options.precision == Precision::fp64) most /= 2;

@@ -341,8 +341,8 @@ class BlockLayout {
   // Of each replica of a vertex, s2/kg.
   template <class T>
   T mobility_of(const Program<T>& program, int vertex) const {
-    const T dt2 = static_cast<T>(program.dt) * static_cast<T>(program.dt);
-    return static_cast<T>(replicas_of(vertex).size()) * program.inverse_mass[vertex] * dt2;
+    const T squared = program.rule.acts * program.rule.acts;
+    return static_cast<T>(replicas_of(vertex).size()) * program.inverse_mass[vertex] * squared;
   }
   template <class T, std::size_t arity>
   void mobilities(const Program<T>& program, const std::array<int, arity>& vertices,

@@ -6,6 +6,7 @@
 #include "sim/backend/block_layout.hpp"
 #include "sim/backend/planes.hpp"
 #include "sim/base/row.hpp"
+#include "sim/solvers/time_rule.hpp"
 #include "sim/solvers/xpbd/linearized.hpp"
 #include "sim/solvers/xpbd/volume_bound.hpp"
 
@@ -89,7 +90,8 @@ struct BlockScene {
   template <class Effect>
   using ViewsOf = Views<BlockView<Effect, T>>;
   Effects::Joined<ViewsOf> effects;
-  T dt;  // s
+  TimeRule<T> rule;
+  T usual_acts;  // s, over which rate forces are prepared to act (step/substep.hpp)
 };
 
 // A set of effects, one bit each in the registry's order: those that a kernel is compiled for.
@@ -137,7 +139,7 @@ SIM_HD bool has_pass(const BlockScene<T>& scene) {
 }
 
 // The element effects of a substep: sweep.template operator()<Effect>(view) for those of one pass
-// after the other. Rate forces act on dt v alone; then load() gives the vertices what forces,
+// after the other. Rate forces act on g v' alone; then load() gives the vertices what forces,
 // motions and contacts do to them. After the other forces offset() gives the replicas of a vertex
 // their dual variables, which strain an element as no motion does. Where a scene has none of a
 // pass, what would follow it has been done before.
@@ -167,6 +169,7 @@ struct BlockVertices {
   Row<T>* d;                     // [replicas] m over the substep, and the replica's mobility, s2/kg
   Vec3<T>* duals;                // [replicated] m (partition.hpp)
   Vec3<T>* v;                    // [count] m/s at the start of the substep
+  Added<T>* last;                // [count] what substeps before have added
   Vec3<T>* corrections;          // [contacts * count] m, 0: not in contact
   const Vec3<T>* rest;           // [count] m
   const ReplicaRange* replicas;  // [count]
@@ -176,18 +179,6 @@ struct BlockVertices {
   int replicated;  // the first replicas: those of vertices with several, here or elsewhere
 };
 
-// A fixed vertex has inverse mass 0 and stays where it is.
-template <class T>
-SIM_HD Vec3<T> begin_vertex(T w, const Vec3<T>& v, T dt) {
-  return w > T(0) ? dt * v : Vec3<T>{};
-}
-// To first order (order_of in solvers/options.hpp says why).
-template <class T>
-SIM_HD void end_vertex(const Vec3<T>& d, T dt, Vec3<T>& u, Vec3<T>& v) {
-  u += d;
-  v = (T(1) / dt) * d;
-}
-
 // One of them, as it is worked on between two sweeps: read once.
 template <class T>
 struct VertexNow {
@@ -195,10 +186,17 @@ struct VertexNow {
   T share;
   Row<T> u;
   Vec3<T> v;
+  Added<T> last;
 
   VertexNow() = default;
   SIM_HD VertexNow(const BlockVertices<T>& x, int i)
-      : replicas(x.replicas[i]), share(x.share[i]), u(x.u[replicas.begin]), v(x.v[i]) {}
+      : replicas(x.replicas[i]),
+        share(x.share[i]),
+        u(x.u[replicas.begin]),
+        v(x.v[i]),
+        last(x.last[i]) {}
+
+  SIM_HD bool is_free() const { return u.w > T(0); }
 
   // In all blocks together.
   SIM_HD bool is_replicated() const { return share < T(1); }
@@ -208,8 +206,17 @@ struct VertexNow {
     SIM_NO_UNROLL
     for (int k = 0; k < replicas.count; ++k) function(replicas.begin + k);
   }
-  // How far it goes in a substep by its velocity alone; the same in all blocks.
-  SIM_HD Vec3<T> inertial(T dt) const { return dt * v; }
+  // How far it goes by its velocity over a time; the same in all blocks. A vertex that is led has a
+  // velocity too, on which rate forces act.
+  SIM_HD Vec3<T> by_velocity(const TimeRule<T>& rule, T time) const {
+    return time * rule.velocity(v, last);
+  }
+  // Without forces. A vertex that is held stays where it is.
+  SIM_HD Vec3<T> without_forces(const TimeRule<T>& rule) const {
+    return is_free() ? by_velocity(rule, rule.acts) + rule.share * last.u : Vec3<T>{};
+  }
+  // Of each replica, s2/kg.
+  SIM_HD T mobility_over(T time) const { return time * time * u.w / share; }
 };
 
 // Where forces, motions and contacts lead a vertex that would go on by `d`. Keeps the contacts'
@@ -219,9 +226,12 @@ SIM_HD Vec3<T> loaded_displacement(const BlockScene<T>& scene, const Step<T>& st
                                    const BlockVertices<T>& x, int i, const VertexNow<T>& now,
                                    Vec3<T> d) {
   const Vec3<T> u = now.u.v;
-  const T w = now.u.w, dt = scene.dt;
+  const TimeRule<T>& rule = scene.rule;
   for_each_view<EffectKind::force, set>(scene, [&]<class Effect>(const auto& view, int) {
-    if (w > T(0)) d += (dt * dt) * Effect::acceleration(view.device, x.rest[i], u, now.v);
+    if (!now.is_free()) return;
+    d += (rule.acts * rule.acts) * Effect::acceleration(view.device, x.rest[i],
+                                                        rule.place(u, now.last),
+                                                        rule.velocity(now.v, now.last));
   });
   if (x.leader) {
     for_each_view<EffectKind::motion, set>(scene, [&]<class Effect>(const auto& view, int k) {
@@ -231,7 +241,7 @@ SIM_HD Vec3<T> loaded_displacement(const BlockScene<T>& scene, const Step<T>& st
   }
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto& view, int k) {
     const Vec3<T> correction =
-        w > T(0) ? Effect::push(view.device, step, x.rest[i], u, d) : Vec3<T>{};
+        now.is_free() ? Effect::push(view.device, step, x.rest[i], u, d) : Vec3<T>{};
     x.corrections[k * x.count + i] = correction;
     d += correction;
   });
@@ -246,17 +256,28 @@ SIM_HD Vec3<T> offset_now(const BlockScene<T>& scene, const BlockVertices<T>& x,
   return now.is_replicated() && !later ? before_sweep(x.duals[replica]) : Vec3<T>{};
 }
 
+// Mobilities are those of the usual time, unless the frame goes by another rule.
+template <class T>
+SIM_HD void act_over(const BlockScene<T>& scene, const BlockVertices<T>& x, const VertexNow<T>& now,
+                     T time) {
+  if (scene.rule.acts == scene.usual_acts) return;
+  const T mobility = now.mobility_over(time);
+  now.for_each_replica([&](int replica) { x.d[replica].w = mobility; });
+}
+
 // Up to the element effects.
 template <EffectSet set = all_effects, class T>
 SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                         int i, const VertexNow<T>& now) {
   if (has_pass<ElementPass::rate_forces, set>(scene)) {
-    const Vec3<T> d = now.inertial(scene.dt);
+    const Vec3<T> d = now.by_velocity(scene.rule, scene.usual_acts);
+    act_over(scene, x, now, scene.usual_acts);
     now.for_each_replica([&](int replica) { x.d[replica].v = d; });
     return;
   }
-  const Vec3<T> free = begin_vertex(now.u.w, now.v, scene.dt);
-  const Vec3<T> d = loaded_displacement<set>(scene, step, x, i, now, free);
+  act_over(scene, x, now, scene.rule.acts);
+  const Vec3<T> d =
+      loaded_displacement<set>(scene, step, x, i, now, now.without_forces(scene.rule));
   now.for_each_replica(
       [&](int replica) { x.d[replica].v = d + offset_now<set>(scene, x, replica, now); });
 }
@@ -268,16 +289,23 @@ template <EffectSet set = all_effects, class T>
 SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                        int i) {
   const VertexNow<T> now(x, i);
+  const TimeRule<T>& rule = scene.rule;
   const bool apart = now.is_replicated();
+  const T longer = rule.acts / scene.usual_acts;
   Vec3<T>& first = x.d[now.replicas.begin].v;
-  const Vec3<T> undamped = begin_vertex(now.u.w, now.v, scene.dt);
-  const Vec3<T> from = apart || !(now.u.w > T(0)) ? undamped : first;
+  act_over(scene, x, now, rule.acts);
+  const bool is_damped = !apart && now.is_free();
+  const Vec3<T> from =
+      is_damped ? longer * first + rule.share * now.last.u : now.without_forces(rule);
   const Vec3<T> d = loaded_displacement<set>(scene, step, x, i, now, from);
   if (!apart) {
     first = d;
     return;
   }
-  const Vec3<T> inertial = now.inertial(scene.dt), more = d - inertial;
+  const Vec3<T> inertial = now.by_velocity(rule, rule.acts), more = d - inertial;
+  if (longer != T(1)) {
+    now.for_each_replica([&](int replica) { x.d[replica].v = longer * x.d[replica].v; });
+  }
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto&, int k) {
     const Vec3<T> correction = x.corrections[k * x.count + i];
     if (!touches(correction)) return;
@@ -299,11 +327,11 @@ SIM_HD void offset_replicas(const BlockVertices<T>& x, int lane, int lanes) {
 }
 
 // What the block has to say about a vertex: the sum over its replicas, counted from where its
-// velocity takes it.
+// velocity alone would take it.
 template <class T>
 SIM_HD Vec3<T> sum_of_replicas(const BlockScene<T>& scene, const BlockVertices<T>& x,
                                const VertexNow<T>& now) {
-  const Vec3<T> from = now.inertial(scene.dt);
+  const Vec3<T> from = scene.rule.dt * now.v;
   Vec3<T> sum;
   now.for_each_replica([&](int replica) { sum += x.d[replica].v - from; });
   return sum;
@@ -316,7 +344,7 @@ SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const 
                          int i, const Vec3<T>& sum, VertexNow<T>& now) {
   Vec3<T> d;
   if (now.is_replicated()) {
-    const Vec3<T> from = now.inertial(scene.dt), mean = now.share * sum;
+    const Vec3<T> from = scene.rule.dt * now.v, mean = now.share * sum;
     now.for_each_replica([&](int replica) {
       x.duals[replica] = next_dual(x.duals[replica], x.d[replica].v - from, mean);
     });
@@ -328,11 +356,18 @@ SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const 
     const Vec3<T> correction = x.corrections[k * x.count + i];
     if (touches(correction)) Effect::rub(view.device, step, correction, now.v, d);
     if constexpr (can_stop<Effect, T>) {
-      if (now.u.w > T(0)) d += Effect::stop(view.device, step, x.rest[i], now.u.v, d);
+      if (now.is_free()) d += Effect::stop(view.device, step, x.rest[i], now.u.v, d);
     }
   });
-  end_vertex(d, scene.dt, now.u.v, now.v);
+  scene.rule.end(now.is_free(), d, now.u.v, now.v, now.last);
+  if (scene.rule.share != T(0)) {
+    for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto&, int k) {
+      const Vec3<T> correction = x.corrections[k * x.count + i];
+      if (touches(correction)) scene.rule.after_stop(correction, d, now.v, now.last);
+    });
+  }
   x.v[i] = now.v;
+  x.last[i] = now.last;
   now.for_each_replica([&](int replica) { x.u[replica] = now.u; });
 }
 

@@ -91,11 +91,10 @@ void raise_substeps(Scene& scene, const Stability& now) {
   scene.time.substeps = static_cast<int>(needed);
 }
 
-void keep_accuracy(const Model& model, Scene& scene) {
+void keep_accuracy(const Model& model, Scene& scene, const TimeStep& step) {
   const double limit = scene.accuracy_limit;
   if (!(limit > 0.0) || scene.stability == StabilityPolicy::warn) return;
-  const SweepError error =
-      SweepError::of(model, acting_time(scene.time.substep_s(), scene.time.order));
+  const SweepError error = SweepError::of(model, acting_time(scene.time.substep_s(), step));
   if (error.bound <= limit) return;
   const double hold_s = time_to_hold(model, scene, error.bound);
   const double more = SweepError::more_substeps(error.number, limit);
@@ -157,7 +156,7 @@ Stability assess(const Model& model, const Scene& scene, const SolverOptions& op
   result.limit = cs;
   if (method == Method::fem) result.limit = {"none", 0.0, 1.0, 0};
   if (method == Method::xpbd) {
-    const SweepError error = SweepError::of(model, acting_time(dt, order_of(scene, options)));
+    const SweepError error = SweepError::of(model, acting_time(dt, time_step_of(scene, options)));
     result.sweep_number = error.number;
     result.sweep_error = scene.force_hold_s > 0.0 ? 0.0 : error.bound;
   }
@@ -168,6 +167,11 @@ Stability assess(const Model& model, const Scene& scene, const SolverOptions& op
   const double needed = scene.time.substeps * result.limit.value / result.limit.at_most;
   result.substeps_needed = std::max(1.0, std::ceil(needed * (1.0 - 1e-12)));
   return result;
+}
+
+bool is_of_first_order_in_blocks(const Model& model) {
+  return std::ranges::any_of(model.materials,
+                             [](const Material& one) { return one.poisson_ratio > 0.49; });
 }
 
 std::size_t tets_taken(const Scene& scene) {
@@ -189,6 +193,7 @@ void keep_forms(const Scene& from, Scene& to) {
 Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& options) {
   const bool is_xpbd = options.method == Method::xpbd;
   scene.time.order = order_of(scene, options);
+  if (in_blocks(options) && is_of_first_order_in_blocks(model)) scene.time.order = 1;
   if (scene.stability == StabilityPolicy::form && is_xpbd) {
     switch_form<NeoHookean>(model, scene);
     switch_form<SmoothedNeoHookean>(model, scene);
@@ -204,7 +209,7 @@ Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& op
   raise_substeps(scene, assess(model, scene, options));
   // Of the substeps that the run will have: how far off it rests, and how long forces must be held
   // for that, is in proportion to their square.
-  if (is_xpbd) keep_accuracy(model, scene);
+  if (is_xpbd) keep_accuracy(model, scene, time_step_of(scene, options));
   return assess(model, scene, options);
 }
 

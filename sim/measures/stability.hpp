@@ -63,6 +63,11 @@ double squared_gradients(const Mat3<double>& rest_inverse);
 
 Stability assess(const Model& model, const Scene& scene, const SolverOptions& options = {});
 
+// Whether the time step is of first order in blocks because one of second might gain energy: shaken
+// cubes of linear tets do from nu .495 on where blocks are small, at Cs .05 to .15, and of .49
+// nowhere (docs/results/physics.md).
+bool is_of_first_order_in_blocks(const Model& model);
+
 // Tets that the policy has taken from their law and given to the corotational one.
 std::size_t tets_taken(const Scene& scene);
 
@@ -74,8 +79,9 @@ void keep_forms(const Scene& from, Scene& to);
 // most. Then follows scene.stability: raises the substeps, or throws Refusal with the number that
 // is needed, or leaves the grid as it is, or (XPBD) switches the form of single tets; where another
 // form does not help, as of Prony branches and under TLED, `form` raises the substeps. Implicit
-// finite elements have no limit. Returns the assessment of the grid that will be used. Once more on
-// the same scene, with other materials, it adds to what it did.
+// finite elements have no limit. Lowers the order of the time step where blocks need that. Returns
+// the assessment of the grid that will be used. Once more on the same scene, with other materials,
+// it adds to what it did.
 Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& options = {});
 
 }  // namespace viscera::sim

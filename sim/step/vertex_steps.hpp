@@ -150,7 +150,9 @@ struct EndOfStopped {
 
   template <class Vertices>
   SIM_HD void operator()(const Vertices& x, int i) const {
-    if (touches(correction[i])) rule.after_stop(correction[i], x.v(i), x.last(i));
+    if (touches(correction[i])) {
+      rule.after_stop(correction[i], x.d(i), x.v(i), x.last(i));
+    }
   }
 };
 

@@ -186,9 +186,9 @@ void report_borders(StageRun& run, const sim::Model& model, const sim::Scene& sc
 
 // How much of the damping that the scene asks for acts, at rest: all of it where it is solved for.
 void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& scene,
-                      sim::Method method, const sim::Solver& solver) {
-  if (!scene.has<sim::Viscosity>() || method == sim::Method::fem) return;
-  const double acts_s = sim::acting_time(scene.time.substep_s(), scene.time.order);
+                      const sim::SolverOptions& options, const sim::Solver& solver) {
+  if (!scene.has<sim::Viscosity>() || options.method == sim::Method::fem) return;
+  const double acts_s = sim::acting_time(scene.time.substep_s(), sim::time_step_of(scene, options));
   const auto force = sim::ExplicitDamping::of(model, acts_s / solver.damping_passes());
   const bool solved = solver.solves_damping();
   run.metric("viscosity_lowered", solved ? 0.0 : force.lowered);
@@ -270,7 +270,7 @@ void simulate(StageRun& run) {
   const std::chrono::duration<double> setup = std::chrono::steady_clock::now() - begin;
   run.machine_metric("setup_wall", setup.count(), "s");
   rehearse(schedule, model, file.scene, *solver);
-  report_viscosity(run, model, file.scene, options.method, *solver);
+  report_viscosity(run, model, file.scene, options, *solver);
   run.set_device(solver->device());
   log::info("{} tets, {} vertices on {}; effects: {}", model.tet_count(), model.vertex_count(),
             solver->device(), fmt::join(effects_on(file.scene), ", "));
@@ -300,9 +300,9 @@ void simulate(StageRun& run) {
   frames.probes = probes, frames.gaps = gaps;
   frames.kept = [&](const Outcome& so_far) { resume.note(so_far); };
   frames.keep = [&, &body = model](const ComputedFrame& frame, const sim::State& state) {
-    const std::vector<float> positions = positions_mm(body, state);
-    trajectory.append(frame.time_s, positions);
+    std::vector<float> positions = positions_mm(body, state);
     resume.add(positions);
+    trajectory.append(frame.time_s, std::move(positions));
   };
   if (options.method == sim::Method::tled) frames.objects = std::ref(watch);
   Outcome outcome = run_frames(*solver, model, file.scene, schedule, frames, std::move(start));
@@ -413,7 +413,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "18",
+           .version = "19",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

@@ -15,10 +15,13 @@
 namespace viscera::hdf5 {
 
 // Our errors say what HDF5's error stack says, so its own printing is off while one of our
-// functions runs.
+// functions runs. Every function that calls HDF5 begins with one.
 class QuietHdf5 {
  public:
   QuietHdf5() {
+    // As the program ends HDF5 would once more write what a full disk has refused, and crash
+    // (1.10.8); whoever opens a file here closes it.
+    [[maybe_unused]] static const herr_t has_no_exit_handler = H5dont_atexit();
     H5Eget_auto2(H5E_DEFAULT, &print_, &data_);
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   }

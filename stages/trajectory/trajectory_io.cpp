@@ -22,6 +22,12 @@ namespace {
 constexpr const char* h5_name = "trajectory.h5";
 constexpr unsigned deflate_level = 4;
 
+// Debian's is; else another file must not be read or written meanwhile (the checkpoints of a run).
+bool is_threadsafe() {
+  hbool_t is = false;
+  return H5is_library_threadsafe(&is) >= 0 && is;
+}
+
 Handle string_type(std::size_t size) {
   Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
   H5Tset_size(type.id(), size);
@@ -173,10 +179,15 @@ TrajectoryWriter::TrajectoryWriter(const fs::path& folder, const TetMesh& mesh) 
                                       {}});
 }
 
-TrajectoryWriter::~TrajectoryWriter() = default;
+TrajectoryWriter::~TrajectoryWriter() {
+  if (writing_.valid()) writing_.wait();
+}
 
-void TrajectoryWriter::append(double time_s, std::span<const float> positions_mm) {
-  const QuietHdf5 quiet;
+void TrajectoryWriter::wait() {
+  if (writing_.valid()) writing_.get();
+}
+
+void TrajectoryWriter::append(double time_s, std::vector<float> positions_mm) {
   File& f = *file_;
   if (positions_mm.size() != 3 * f.points) {
     throw Error(ExitCode::internal, {.where = f.path.string(),
@@ -184,6 +195,16 @@ void TrajectoryWriter::append(double time_s, std::span<const float> positions_mm
                                      .found = fmt::format("{} values", positions_mm.size()),
                                      .allowed = fmt::format("{} values, 3 a point", 3 * f.points)});
   }
+  wait();
+  if (!is_threadsafe()) return write(time_s, positions_mm);
+  writing_ = std::async(std::launch::async, [this, time_s, positions = std::move(positions_mm)] {
+    write(time_s, positions);
+  });
+}
+
+void TrajectoryWriter::write(double time_s, const std::vector<float>& positions_mm) {
+  const QuietHdf5 quiet;
+  File& f = *file_;
   const hsize_t row = f.times.size();
   // Flushed every frame, so that a killed run leaves its frames readable.
   if (!append_row(f.positions_set, row, {f.points, 3}, H5T_NATIVE_FLOAT, positions_mm.data()) ||
@@ -195,6 +216,7 @@ void TrajectoryWriter::append(double time_s, std::span<const float> positions_mm
 }
 
 void TrajectoryWriter::finish() {
+  wait();
   const QuietHdf5 quiet;
   File& f = *file_;
   if (!write_frame_views(f.file, f.positions_set, f.times.size(), f.points)) {
@@ -327,6 +349,7 @@ std::vector<float> TrajectoryReader::positions_mm(std::size_t frame) const {
 }
 
 std::string hdf5_version() {
+  const QuietHdf5 quiet;
   unsigned major = 0, minor = 0, release = 0;
   H5get_libversion(&major, &minor, &release);
   return fmt::format("{}.{}.{}", major, minor, release);

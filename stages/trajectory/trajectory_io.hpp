@@ -14,6 +14,7 @@
 #pragma once
 
 #include <filesystem>
+#include <future>
 #include <memory>
 #include <span>
 #include <vector>
@@ -26,16 +27,23 @@ class TrajectoryWriter {
  public:
   // Creates `folder/trajectory.h5`; throws Error(usage) when it cannot.
   TrajectoryWriter(const std::filesystem::path& folder, const TetMesh& mesh);
-  ~TrajectoryWriter();  // closes the file; what was appended stays readable
+  // Closes the file. What was appended stays readable, also after a kill, which may take the last.
+  ~TrajectoryWriter();
 
-  void append(double time_s, std::span<const float> positions_mm);  // 3 n values
+  // 3 n values. Where this machine's HDF5 allows that, they are compressed and written while the
+  // caller goes on: what goes wrong is thrown by the next call.
+  void append(double time_s, std::vector<float> positions_mm);
 
   // Writes `folder/trajectory.xdmf` for the frames appended so far and closes both.
   void finish();
 
  private:
   struct File;
+  void write(double time_s, const std::vector<float>& positions_mm);
+  void wait();  // for the frame at hand
+
   std::unique_ptr<File> file_;
+  std::future<void> writing_;
 };
 
 // Opens its file for as long as it reads: a study has thousands.

@@ -12,13 +12,14 @@ class HostBlocks final : public Solver {
  public:
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized,
              BlockTeam team)
-      : program_(model, scene),
+      : program_(model, scene, time_step_of(scene, {.scheme = Scheme::block_gauss_seidel})),
         layout_(model, program_, tets_per_block, team),
         linearized_(linearized),
         constants_(layout_.constants(program_)),
         bounded_(model, scene, Method::xpbd),
         bounded_in_blocks_(layout_.tets_in_blocks(bounded_.vertices)),
         v_(layout_.locals().size()),
+        last_(v_.size()),
         u_(layout_.replicas_in(layout_.block_count() - 1).end),
         d_(u_.size()),
         duals_(u_.size()) {
@@ -46,7 +47,8 @@ class HostBlocks final : public Solver {
         }
       }
     });
-    make_views();
+    const std::vector<Vec3<double>> still(program_.rest.size());
+    set_state({still, still});
   }
 
   void advance_frame() override {
@@ -83,6 +85,7 @@ class HostBlocks final : public Solver {
   State state() const override {
     State state{std::vector<Vec3<double>>(program_.rest.size()),
                 std::vector<Vec3<double>>(program_.rest.size()), step_};
+    std::vector<Added<T>> added(program_.rest.size());
     for (int block = 0; block < layout_.block_count(); ++block) {
       const Range locals = layout_.locals_in(block);
       for (int i = locals.begin; i < locals.end; ++i) {
@@ -90,25 +93,30 @@ class HostBlocks final : public Solver {
         const int replica = layout_.replicas_in(block).begin + constants_.replicas[i].begin;
         state.u[vertex] = cast<double>(u_[replica].v);
         state.v[vertex] = cast<double>(v_[i]);
+        added[vertex] = last_[i];
       }
     }
+    program_.save_added(added, state);
     state.duals = cast_all<double>(duals_);
     return state;
   }
   void set_state(const State& state) override {
     bound_acts_ = bounded_.begins_at(state);
+    const std::vector<Added<T>> added = program_.added_before(state);
     for (int block = 0; block < layout_.block_count(); ++block) {
       for_each_local(block, [&](const auto& x, int i, int vertex) {
         VertexNow<T>(x, i).for_each_replica(
             [&](int replica) { x.u[replica].v = cast<T>(state.u[vertex]); });
         x.v[i] = cast<T>(state.v[vertex]);
+        x.last[i] = added[vertex];
       });
     }
     duals_ = state.duals_for<T>(duals_.size());
     step_ = state.step;
+    make_views();
   }
   void retune(const Model& model, const Scene& scene) override {
-    program_.retune({model, scene});
+    program_.retune({model, scene, program_.time_step});
     const double cs = assess(model, scene).cs_max;
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::element) {
@@ -152,7 +160,8 @@ class HostBlocks final : public Solver {
     for_each_slot<EffectKind::element>(
         own_, []<class Effect>(auto& own) { own->planes = planes_of(own->rest); });
     for (int block = 0; block < layout_.block_count(); ++block) {
-      scenes_[block].dt = static_cast<T>(program_.dt);
+      scenes_[block].rule = bound_acts_ ? program_.rule : program_.rule.to_first_order();
+      scenes_[block].usual_acts = program_.rule.acts;
       Effects::for_each([&]<class Effect, std::size_t i>() {
         auto& views = std::get<i>(views_[block]);
         for (std::size_t k = 0; k < std::get<i>(program_.effects).size(); ++k) {
@@ -185,6 +194,7 @@ class HostBlocks final : public Solver {
             d_.data() + replica,
             duals_.data() + replica,
             v_.data() + first,
+            last_.data() + first,
             corrections_.data() + contacts_ * first,
             constants_.rest.data() + first,
             constants_.replicas.data() + first,
@@ -255,6 +265,7 @@ class HostBlocks final : public Solver {
   BlockTets bounded_in_blocks_;
   bool bound_acts_ = true;
   std::vector<Vec3<T>> v_, corrections_;
+  std::vector<Added<T>> last_;
   std::vector<Row<T>> u_, d_;
   std::vector<Vec3<T>> duals_;
 };

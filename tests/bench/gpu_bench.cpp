@@ -1,9 +1,10 @@
 // What accuracy costs on a CUDA device: milliseconds a frame against the error of displacement, by
-// scheme, substeps and size. A body swings under its own weight; errors are root mean squares over
-// the vertices, in parts of the displacement's, against colour-by-colour Gauss-Seidel in fp64 with
-// many substeps on the same mesh: in motion at half a second, held by its thin end, and at rest,
-// held by its thick one, where Newton has it on meshes that take him a minute. Beside each time
-// stands what an H200 would need at least (bound_of), by the limit that binds.
+// element, scheme, order of the time step, substeps and size. A body swings under its own weight;
+// errors are root mean squares over the vertices, in parts of the displacement's, against
+// colour-by-colour Gauss-Seidel in fp64 with many substeps on the same mesh: in motion at half a
+// second, held by its thin end, and at rest, held by its thick one, where Newton has it on meshes
+// that take him a minute. Beside each time stands what an H200 would need at least (bound_of), by
+// the limit that binds.
 //   bench_gpu CSV E_kPa NU MESH.vtu…
 // and what the members of an ensemble cost, which differ in E:
 //   bench_gpu ensemble CSV MESH.vtu
@@ -17,6 +18,7 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "sim/element_choice.hpp"
 #include "sim/make.hpp"
 #include "sim/measures/stability.hpp"
 #include "stages/mesh/tet_io.hpp"
@@ -37,11 +39,15 @@ struct Row {
   const char* name;
   sim::SolverOptions options;
   int substeps;
+  int order = 2;  // of the time step
 };
 
 std::vector<Row> rows() {
   std::vector<Row> all;
   for (const int substeps : {32, 64}) all.push_back({"gauss_seidel", {}, substeps});
+  for (const int substeps : {16, 32, 64, 128}) {
+    all.push_back({"block_gauss_seidel", {.scheme = Scheme::block_gauss_seidel}, substeps, 1});
+  }
   for (const int substeps :
        {14, 15, 16, 17, 18, 20, 21, 22, 24, 26, 27, 28, 30, 32, 34, 36,  37, 38,
         39, 40, 42, 43, 44, 48, 52, 56, 60, 64, 66, 68, 72, 80, 96, 112, 128}) {
@@ -68,14 +74,22 @@ Model held_body(const char* file, const sim::Material& material, Held held) {
   return model;
 }
 
-// Under its own weight.
-sim::Scene tissue(int substeps) {
-  sim::Scene scene;
-  scene.params<sim::NeoHookean>().emplace_back();
-  scene.params<sim::Gravity>().emplace_back();
-  scene.time.substeps = substeps;
-  return scene;
-}
+// A body under its own weight, of one kind of element.
+struct Tissue {
+  sim::Element element;
+
+  sim::Scene scene(const Model& model, int substeps, int order = 2) const {
+    sim::Scene scene;
+    scene.params<sim::NeoHookean>().emplace_back();
+    sim::set_element(scene.effects, element, model.materials.front().poisson_ratio);
+    scene.params<sim::Gravity>().emplace_back();
+    scene.time.substeps = substeps;
+    scene.time.order = order;
+    scene.stability = sim::StabilityPolicy::warn;
+    apply_policy(model, scene);  // lays out what smoothed elements are of
+    return scene;
+  }
+};
 
 // Velocities are halved every few frames: near the critical damping of the slowest swing.
 State settled(sim::Solver& solver, const State& start, int halvings = 60) {
@@ -89,23 +103,25 @@ State settled(sim::Solver& solver, const State& start, int halvings = 60) {
   return state;
 }
 
-State by_newton(const Model& model) {
+State by_newton(const Model& model, const Tissue& tissue) {
   sim::SolverOptions newton{.method = sim::Method::fem};
   newton.fem.time = sim::FemOptions::Time::quasi_static;
   newton.fem.tolerance = 1e-9;
-  const auto solver = make_on_cpu(model, tissue(1), newton);
+  const auto solver = make_on_cpu(model, tissue.scene(model, 1), newton);
   solver->advance_frame();
   return solver->state();
 }
-State by_settling(const Model& model) {
-  const auto near = make_on_cuda(model, tissue(96), {.scheme = Scheme::block_gauss_seidel});
-  const auto exact = make_on_cuda(model, tissue(rest_substeps), {.precision = Precision::fp64});
+State by_settling(const Model& model, const Tissue& tissue) {
+  const auto near =
+      make_on_cuda(model, tissue.scene(model, 96), {.scheme = Scheme::block_gauss_seidel});
+  const auto exact =
+      make_on_cuda(model, tissue.scene(model, rest_substeps), {.precision = Precision::fp64});
   return settled(*exact, settled(*near, near->state(), 240));
 }
 // Where it hangs still.
-State equilibrium(const Model& model) {
+State equilibrium(const Model& model, const Tissue& tissue) {
   const bool is_small = model.tet_count() <= max_tets_for_newton;
-  State state = is_small ? by_newton(model) : by_settling(model);
+  State state = is_small ? by_newton(model, tissue) : by_settling(model, tissue);
   state.step = 0;
   return state;
 }
@@ -147,50 +163,54 @@ Bound bound_of(const sim::SubstepWork& work, std::size_t tets) {
   return std::ranges::max(all, {}, &Bound::us);
 }
 
-void run(const sim::Material& material, const char* file, std::string& csv) {
+void run(const sim::Material& material, sim::Element element, const char* file, std::string& csv) {
+  const Tissue tissue{element};
+  const char* const name = element == sim::Element::smoothed ? "smoothed" : "linear";
   const Model model = held_body(file, material, Held::thin);
   const Model hanging = held_body(file, material, Held::thick);
-  const auto make = [&](const sim::SolverOptions& options, int substeps) {
-    return make_on_cuda(model, tissue(substeps), options);
+  const auto make = [&](const sim::SolverOptions& options, int substeps, int order = 2) {
+    return make_on_cuda(model, tissue.scene(model, substeps, order), options);
   };
   const sim::SolverOptions exact{.precision = Precision::fp64};
   const auto converged = make(exact, reference_substeps);
   for (int frame = 0; frame < motion_frames; ++frame) converged->advance_frame();
   const State reference = converged->state();
   const double size = root_mean_square(reference.u, nullptr);
-  const State rest = equilibrium(hanging);
+  const State rest = equilibrium(hanging, tissue);
   const double sag = root_mean_square(rest.u, nullptr);
-  fmt::print("{} tets, E {} kPa, nu {}; rms displacement {:.2f} mm, at rest {:.2f} mm\n",
-             model.tet_count(), material.youngs_modulus / 1e3, material.poisson_ratio, 1e3 * size,
-             1e3 * sag);
+  fmt::print("{} {} tets, E {} kPa, nu {}; rms displacement {:.2f} mm, at rest {:.2f} mm\n",
+             model.tet_count(), name, material.youngs_modulus / 1e3, material.poisson_ratio,
+             1e3 * size, 1e3 * sag);
   for (const Row& row : rows()) {
     const auto made = std::chrono::steady_clock::now();
-    const auto solver = make(row.options, row.substeps);
+    const auto solver = make(row.options, row.substeps, row.order);
     const double setup_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - made).count();
     const Times times = time_frames([&] { solver->advance_frame(); }, motion_frames);
     const double error = root_mean_square(solver->state().u, &reference.u) / size;
-    const auto hung = make_on_cuda(hanging, tissue(row.substeps), row.options);
+    const auto hung =
+        make_on_cuda(hanging, tissue.scene(hanging, row.substeps, row.order), row.options);
     const double rest_error = root_mean_square(settled(*hung, rest).u, &rest.u) / sag;
-    const double cs = assess(model, tissue(row.substeps)).cs_max;
+    const double cs = assess(model, tissue.scene(model, row.substeps)).cs_max;
     const double us = 1e3 * times.median / row.substeps;
     const sim::SubstepWork work = solver->substep_work();
     const double bytes = work.shared_bytes + work.global_bytes;
     const Bound bound = bound_of(work, model.tet_count());
     const std::string line = fmt::format(
-        "{:<18} {:3} substeps {:8.3f} ms a frame ({:.3f}, {:.3f}) {:7.2f} us a substep, error "
+        "{:<18} order {} {:3} substeps {:8.3f} ms a frame ({:.3f}, {:.3f}) {:7.2f} us a substep, "
+        "error "
         "{:.3f} %, at rest {:.3f} %, Cs {:.2f}, {:6.2f} MB, bound {:6.2f} us by {}, ratio {:.1f}, "
         "set-up {:.2f} s\n",
-        row.name, row.substeps, times.median, times.q1, times.q3, us, 100.0 * error,
+        row.name, row.order, row.substeps, times.median, times.q1, times.q3, us, 100.0 * error,
         100.0 * rest_error, cs, 1e-6 * bytes, bound.us, bound.by, us / bound.us, setup_s);
     std::fputs(line.c_str(), stdout);
     std::fflush(stdout);
     csv += fmt::format(
-        "{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.3f},{:.4f},{:.4f},{:.3f},{:.0f},{:.3f},{},{:.2f},"
-        "{:.3f}\n",
-        model.tet_count(), material.youngs_modulus, material.poisson_ratio, row.name, row.substeps,
-        times.median, times.q1, times.q3, us, 100.0 * error, 100.0 * rest_error, cs, bytes,
-        bound.us, bound.by, us / bound.us, setup_s);
+        "{},{},{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.3f},{:.4f},{:.4f},{:.3f},{:.0f},{:.3f},{},"
+        "{:.2f},{:.3f}\n",
+        model.tet_count(), name, material.youngs_modulus, material.poisson_ratio, row.name,
+        row.order, row.substeps, times.median, times.q1, times.q3, us, 100.0 * error,
+        100.0 * rest_error, cs, bytes, bound.us, bound.by, us / bound.us, setup_s);
   }
 }
 
@@ -201,8 +221,9 @@ void run_ensembles(const char* file, std::string& csv) {
   };
   for (const int members : {1, 2, 4, 8, 16, 32, 64, 132, 256, 264}) {
     const auto made = std::chrono::steady_clock::now();
-    const auto ensemble = make_ensemble_on_cuda(
-        model, tissue(64), {.scheme = Scheme::block_gauss_seidel}, members, spread);
+    const auto ensemble =
+        make_ensemble_on_cuda(model, Tissue{sim::Element::linear}.scene(model, 64),
+                              {.scheme = Scheme::block_gauss_seidel}, members, spread);
     const double setup_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - made).count();
     const Times times = time_frames([&] { ensemble->advance_frame(); }, motion_frames);
@@ -238,8 +259,12 @@ int main(int argc, char** argv) {
                                         .density = 1060.0,
                                         .damping = 0.0};
   std::string csv =
-      "tets,E_Pa,nu,scheme,substeps,frame_ms,q1,q3,us_per_substep,error_percent,"
+      "tets,element,E_Pa,nu,scheme,order,substeps,frame_ms,q1,q3,us_per_substep,error_percent,"
       "rest_error_percent,Cs,bytes_per_substep,bound_us,bound_by,ratio,setup_s\n";
-  for (int i = 4; i < argc; ++i) viscera::run(material, argv[i], csv);
-  std::ofstream(argv[1]) << csv;
+  for (int i = 4; i < argc; ++i) {
+    for (const auto element : {viscera::sim::Element::linear, viscera::sim::Element::smoothed}) {
+      viscera::run(material, element, argv[i], csv);
+      std::ofstream(argv[1]) << csv;  // what there is, if a later mesh takes too long
+    }
+  }
 }

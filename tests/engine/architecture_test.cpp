@@ -108,7 +108,8 @@ const std::vector<Folder> folders = {
     {"sim/backend/cuda",
      {"sim/base", "sim/model", "sim/scene", "sim/solvers", "sim/solvers/xpbd", "sim/step",
       "sim/backend"}},
-    {"sim/backend", {"sim/base", "sim/model", "sim/effects", "sim/solvers/xpbd", "sim/measures"}},
+    {"sim/backend",
+     {"sim/base", "sim/model", "sim/effects", "sim/solvers", "sim/solvers/xpbd", "sim/measures"}},
     {"sim", {"sim/*"}},
 
     {"stages/image", {"pipeline/base", "pipeline/contract", "sim/base"}},

@@ -23,8 +23,9 @@ inline const std::vector<KnownMiss> known_misses = [] {
       // The same, for some orders of the elements; explicit dynamics is beyond its limit when the
       // bar is five times as long, which the check at rest cannot see.
       {"twist 720° and stretch ×5, release", "xpbd gauss_seidel", "", 5.4},
-      // In blocks too since a CPU takes a device's steps, on which it never recovered.
-      {"twist 720° and stretch ×5, release", "xpbd block_gauss_seidel", "", 2.45},
+      // In blocks too since a CPU takes a device's steps, on which it never recovered; in which
+      // equilibrium it ends hangs on the steps: to first order 2.44.
+      {"twist 720° and stretch ×5, release", "xpbd block_gauss_seidel", "", 3.57},
       {"twist 720° and stretch ×5, release", "tled", "", unbounded},
       {"twist 720° and stretch ×5, release", "fem", "", 1.9},
       // Jacobi lowers what an element does by its factor `split`: more is left where κ is large.
@@ -51,9 +52,6 @@ inline const std::vector<KnownMiss> known_misses = [] {
       {"1/30 s with one substep, policy refuse", "pbd", "fp64", 1490},
       {"1/30 s with one substep, policy substeps", "pbd", "fp32", 1560},
       {"1/30 s with one substep, policy substeps", "pbd", "fp64", 1490},
-      // Backward Euler, which blocks keep, damps the impact: at 77 substeps a frame XPBD gave back
-      // 67.2 mm of 79.2, at 256 75.0, at 1,024 78.1.
-      {"rebound of a ball of 50 kPa from 100 mm", "xpbd block_gauss_seidel", "", 4.55},
   };
 }();
 

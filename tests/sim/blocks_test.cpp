@@ -54,7 +54,7 @@ struct Tets {
   }
 };
 
-// Blocks are of first order, and so is what they are compared with.
+// To first order, whose numbers blocks and colours share.
 Scene hanging_scene() {
   Scene scene = elastic_scene();
   scene.time.order = 1;

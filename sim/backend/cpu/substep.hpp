@@ -453,9 +453,10 @@ class CpuSubstep {
   }
   // Replicas that rate forces have led apart get what forces, motions and contacts have done.
   void lead_replicas(Range replicas) {
-    const T acts = usual_rule().acts;
+    const T scale = rule().acts / usual_rule().acts;
     body_.replicas->lead(replicas, body_.d, [&](int v, Vec3<T>& damped) {
-      const Vec3<T> inertial = acts * body_.v[v];
+      const Vec3<T> inertial = rule().acts * rule().velocity(body_.v[v], body_.last[v]);
+      damped = scale * damped;
       for_each_effect<EffectKind::contact>([&]<class Effect>(const auto& contact) {
         if (touches(contact.correction[v])) {
           take_back_along(contact.correction[v], inertial, damped);

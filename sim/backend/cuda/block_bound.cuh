@@ -50,40 +50,45 @@ __global__ void count_volumes(int count, const Tet* locals_of_tet, const Mat3<T>
   }
 }
 
-// The last substep by vertices: blocks have its end alone. v = d / dt (end_vertex).
+// The last substep by vertices: blocks have its end alone.
 template <class T>
 __global__ void find_substep(int vertices, const int* local_of, const Vec3<T>* u, const Vec3<T>* v,
-                             T dt, Vec3<T>* before, Vec3<T>* d) {
+                             const Added<T>* added, TimeRule<T> rule, Vec3<T>* before, Vec3<T>* d) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= vertices) return;
   const int local = local_of[i];
-  d[i] = dt * v[local];
+  d[i] = rule.way(v[local], added[local]);
   before[i] = u[local] - d[i];
 }
 
+// `d` is with them.
 template <class T>
-__global__ void add_corrections(int locals, const int* vertex_of, const Vec3<T>* corrections, T dt,
-                                Vec3<T>* u, Vec3<T>* v) {
+__global__ void add_corrections(int locals, const int* vertex_of, const Vec3<T>* corrections,
+                                const Vec3<T>* d, TimeRule<T> rule, Vec3<T>* u, Vec3<T>* v,
+                                Added<T>* added) {
   const int local = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (local >= locals) return;
   const Vec3<T> correction = corrections[vertex_of[local]];
   if (!touches(correction)) return;
-  u[local] += correction;
-  v[local] += (T(1) / dt) * correction;
+  rule.move(correction, u[local], v[local], added[local]);
+  if (rule.share == T(0)) return;
+  rule.after_stop(correction, d[vertex_of[local]], v[local], added[local]);
 }
 
 template <class T>
 class CudaBlockBound {
  public:
-  // For `members` with displacements u and velocities v, [members * locals] on the device.
+  // For `members` with displacements u, velocities v and what was added, [members * locals] on the
+  // device.
   CudaBlockBound(BoundedTets<T> tets, const BlockLayout& layout, const Program<T>& program,
-                 int members, Vec3<T>* u, Vec3<T>* v)
+                 int members, Vec3<T>* u, Vec3<T>* v, Added<T>* added)
       : tets_(std::move(tets)),
         vertices_(static_cast<int>(program.rest.size())),
         locals_(static_cast<int>(layout.locals().size())),
-        dt_(static_cast<T>(program.dt)),
+        rule_(program.rule),
         u_(u),
-        v_(v) {
+        v_(v),
+        added_(added) {
     if (is_empty()) return;
     std::vector<int> local_of, vertex_of;
     for (int i = 0; i < vertices_; ++i) local_of.push_back(layout.locals_of(i)[0]);
@@ -126,7 +131,7 @@ class CudaBlockBound {
   void set_model(int member, const Model& model) {
     std::vector<T> limits;
     for (std::size_t t = 0; t < tets_.vertices.size(); ++t) {
-      const bool is_long = shear_number(model, t, dt_) > long_step;
+      const bool is_long = shear_number(model, t, rule_.dt) > long_step;
       limits.push_back(static_cast<T>((is_long ? VolumeBound::least : VolumeBound::halted) - 1.0));
     }
     limits_.upload(limits, member * limits.size());
@@ -197,17 +202,20 @@ class CudaBlockBound {
   void enqueue_corrections(cudaStream_t stream, std::size_t first) const {
     constexpr int width = 256;
     const auto blocks = [](int threads) { return (threads + width - 1) / width; };
-    find_substep<T><<<blocks(vertices_), width, 0, stream>>>(
-        vertices_, local_of_.get(), u_ + first, v_ + first, dt_, before_.get(), d_.get());
-    bound_->enqueue_always(stream, before_.get(), d_.get(), inverse_mass_.get(), dt_);
+    find_substep<T><<<blocks(vertices_), width, 0, stream>>>(vertices_, local_of_.get(), u_ + first,
+                                                             v_ + first, added_ + first, rule_,
+                                                             before_.get(), d_.get());
+    bound_->enqueue_always(stream, before_.get(), d_.get(), inverse_mass_.get(), rule_.dt);
     add_corrections<T><<<blocks(locals_), width, 0, stream>>>(
-        locals_, vertex_of_.get(), bound_->corrections(), dt_, u_ + first, v_ + first);
+        locals_, vertex_of_.get(), bound_->corrections(), d_.get(), rule_, u_ + first, v_ + first,
+        added_ + first);
   }
 
   BoundedTets<T> tets_;
   int vertices_, locals_;
-  T dt_;  // s
+  TimeRule<T> rule_;  // of members for which the bound acts
   Vec3<T>*u_, *v_;
+  Added<T>* added_;
   std::optional<CudaVolumeBound<T>> bound_;
   DeviceArray<Tet> locals_of_tet_;
   DeviceArray<int> local_of_;   // [vertices] the first of each

@@ -36,6 +36,7 @@ struct Frame {
   Effects::Joined<ViewsOf> effects;  // items [members * count]
   Vec3<T>* u;                        // [members * locals]
   Vec3<T>* v;                        // likewise
+  Added<T>* added;                   // likewise, by substeps before
   Vec3<T>* duals;                    // [members * all replicas]
   const Vec3<T>* rest;
   const T* inverse_mass;
@@ -55,6 +56,7 @@ struct Frame {
   const unsigned char* runs;  // [members] whether it takes part in this launch
   unsigned long long done;    // substeps
   double dt;
+  TimeRule<T> rule;  // the usual: of first order where a frame begins with the body crushed
   int substeps;
   int locals;
   int all_replicas;
@@ -182,7 +184,9 @@ __device__ BlockScene<T> scene_of_block(const Frame<T>& frame, int member, int b
       static_cast<Views<BlockView<Effect, T>>&>(scene.effects) = {in_shared(views), all.count};
     }
   });
-  scene.dt = static_cast<T>(frame.dt);
+  const bool crushed = frame.bound.acts && !frame.bound.acts[member];
+  scene.rule = crushed ? frame.rule.to_first_order() : frame.rule;
+  scene.usual_acts = frame.rule.acts;
   return scene;
 }
 
@@ -201,6 +205,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
   const int shared_count = single_block ? 0 : frame.shared_end[block] - first;
   Vec3<T>* const u = frame.u + member * frame.locals + first;
   Vec3<T>* const v = frame.v + member * frame.locals + first;
+  Added<T>* const added = frame.added + member * frame.locals + first;
   Vec3<T>* const duals = frame.duals + member * frame.all_replicas + frame.replica_begin[block];
   const BlockMemory<T> own(shared, frame);
   const WorkSpace work{own.work - shared};
@@ -208,6 +213,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
                            own.d,
                            own.duals,
                            single_block ? v : own.v,
+                           added,
                            own.corrections,
                            frame.rest + first,
                            own.replicas,
@@ -218,7 +224,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
   const BlockScene<T> scene = scene_of_block<set>(frame, static_cast<int>(member), block, own);
   const unsigned long long done = frame.done + frame.ahead[member];
   const auto step_at = [&frame, &scene, done](int substep) {
-    return Step<T>{scene.dt, static_cast<double>(done + substep + 1) * frame.dt};
+    return Step<T>{scene.rule.dt, static_cast<double>(done + substep + 1) * frame.dt};
   };
   // In which order vertices are worked on: first those that no other block has, since meanwhile
   // messages are on their way. A lane keeps to its own, or it might begin the next substep of one
@@ -246,6 +252,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     own.share[i] = now.share = frame.share[first + i];
     now.u = {u[i], frame.inverse_mass[first + i]};
     x.v[i] = now.v = v[i];
+    now.last = added[i];
     const T mobility = frame.mobility[first + i];
     now.for_each_replica([&](int replica) {
       x.u[replica] = now.u;
@@ -271,7 +278,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     const bool watches = bounded && substep % VolumeBound::scan_every == 0;
     if (watches) {
       const int first = frame.team < lanes ? frame.team : 0;  // by those that do not sweep
-      if (lane >= first) watch_volumes(frame.bound, block, scene.dt, x, own.near_bound, first);
+      if (lane >= first) watch_volumes(frame.bound, block, scene.rule.dt, x, own.near_bound, first);
     }
     sweep_in_order<set>(scene, sweep, load, offset);
     if (watches) {

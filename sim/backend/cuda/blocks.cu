@@ -46,22 +46,24 @@ constexpr int longest_launch = 1024;
 template <class T>
 class CudaBlocks final : public Ensemble {
  public:
-  CudaBlocks(const Model& model, const Scene& scene, int tets_per_block, int members,
-             std::string name, std::function<void()> pause_point)
+  CudaBlocks(const Model& model, const Scene& scene, const TimeStep& time_step, int tets_per_block,
+             int members, std::string name, std::function<void()> pause_point)
       : name_(std::move(name)),
         pause_point_(std::move(pause_point)),
         members_(members),
-        program_(model, scene),
+        program_(model, scene, time_step),
         layout_(model, program_, tets_per_block, team_of(model, program_, tets_per_block)) {
     BoundedTets<T> bounded(model, scene, Method::xpbd);
     require_device_memory(bytes_needed(bounded));
     frame_.dt = program_.dt;
+    frame_.rule = program_.rule;
     frame_.locals = local_count();
     frame_.blocks = layout_.block_count();
     frame_.team = layout_.team().lanes;
     frame_.single_block = layout_.team().single_block;
     place_vertices();
-    bound_.emplace(std::move(bounded), layout_, program_, members_, u_.get(), v_.get());
+    bound_.emplace(std::move(bounded), layout_, program_, members_, u_.get(), v_.get(),
+                   added_.get());
     for (int member = 0; member < members_; ++member) bound_->set_model(member, model);
     frame_.bound = bound_->view();
     place_effects(assess(model, scene).cs_max);
@@ -72,6 +74,7 @@ class CudaBlocks final : public Ensemble {
     if (!bound_->is_empty()) {
       u_before_ = DeviceArray<Vec3<T>>(u_.size());
       v_before_ = DeviceArray<Vec3<T>>(v_.size());
+      added_before_ = DeviceArray<Added<T>>(added_.size());
       duals_before_ = DeviceArray<Vec3<T>>(duals_.size());
     }
   }
@@ -79,6 +82,7 @@ class CudaBlocks final : public Ensemble {
   int size() const override { return members_; }
 
   void advance_frame() override {
+    std::ranges::fill(has_begun_, 1);
     if (bound_->is_empty()) {
       run_whole_frame();
     } else {
@@ -89,8 +93,10 @@ class CudaBlocks final : public Ensemble {
 
   State state(int member) const override {
     const std::size_t locals = local_count(), first = member * locals;
-    State state{gathered(u_.download(first, locals)), gathered(v_.download(first, locals)),
+    State state{cast_all<double>(gathered(u_.download(first, locals))),
+                cast_all<double>(gathered(v_.download(first, locals))),
                 step_ + ahead_.download(member, 1)[0]};
+    program_.save_added(gathered(added_.download(first, locals)), state);
     const std::size_t replicas = frame_.all_replicas;
     state.duals = cast_all<double>(duals_.download(member * replicas, replicas));
     save_history(own_, state, member);
@@ -98,8 +104,10 @@ class CudaBlocks final : public Ensemble {
   }
   void set_state(int member, const State& state) override {
     const std::size_t locals = local_count();
-    u_.upload(spread(state.u), member * locals);
-    v_.upload(spread(state.v), member * locals);
+    u_.upload(spread(cast_all<T>(state.u)), member * locals);
+    v_.upload(spread(cast_all<T>(state.v)), member * locals);
+    added_.upload(spread(program_.added_before(state)), member * locals);
+    has_begun_[member] = 1;
     const std::size_t replicas = frame_.all_replicas;
     duals_.upload(state.duals_for<T>(replicas), member * replicas);
     ahead_.upload({state.step - step_}, member);
@@ -109,7 +117,8 @@ class CudaBlocks final : public Ensemble {
   }
   void retune(int member, const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune({model, scene});
+    program_.retune({model, scene, program_.time_step});
+    if (!has_begun_[member]) begin_still(member);
     const double cs = assess(model, scene).cs_max;
     bound_->set_model(member, model);
     Effects::for_each([&]<class Effect, std::size_t i>() {
@@ -161,7 +170,8 @@ class CudaBlocks final : public Ensemble {
     // A vertex: v; a replica: u, d and its dual variable; between blocks: messages out and in.
     SubstepWork work{
         .shared_bytes = 2.0 * vector * local_count() + (3.0 * row + 2.0 * vector) * replica_count(),
-        .global_bytes = 2.0 * sizeof(Message<T>) * static_cast<double>(gather_.size())};
+        .global_bytes = 2.0 * sizeof(Message<T>) * static_cast<double>(gather_.size()) +
+                        2.0 * sizeof(Added<T>) * local_count()};
     for_each_slot<EffectKind::element>(own_, [&]<class Effect>(const auto& own) {
       using Resident = ResidentConstants<Effect, T>;
       const double count = static_cast<double>(own.element_of.size());
@@ -192,7 +202,7 @@ class CudaBlocks final : public Ensemble {
   std::size_t bytes_needed(const BoundedTets<T>& bounded) const {
     const std::size_t locals = local_count();
     const std::size_t vertex_state =
-        2 * locals * sizeof(Vec3<T>) + replica_count() * sizeof(Vec3<T>);
+        locals * (2 * sizeof(Vec3<T>) + sizeof(Added<T>)) + replica_count() * sizeof(Vec3<T>);
     const int copies_of_state = bounded.vertices.empty() ? 1 : 2;
     std::size_t shared = locals * (sizeof(Vec3<T>) + 3 * sizeof(T) + 4 * sizeof(int));
     std::size_t own = copies_of_state * vertex_state + 2 * locals * sizeof(Message<T>) +
@@ -232,6 +242,9 @@ class CudaBlocks final : public Ensemble {
     const std::size_t all = static_cast<std::size_t>(members_) * local_count();
     frame_.u = (u_ = DeviceArray<Vec3<T>>(all)).get();
     frame_.v = (v_ = DeviceArray<Vec3<T>>(all)).get();
+    frame_.added = (added_ = DeviceArray<Added<T>>(all)).get();
+    has_begun_.assign(members_, 0);
+    for (int member = 0; member < members_; ++member) begin_still(member);
     frame_.all_replicas = replica_count();
     frame_.duals = (duals_ = DeviceArray<Vec3<T>>(members_ * replica_count())).get();
     frame_.replica_begin = (replica_begin_ = DeviceArray<int>(replica_begin)).get();
@@ -250,6 +263,12 @@ class CudaBlocks final : public Ensemble {
     frame_.shared_end = (shared_end_ = DeviceArray<int>(shared_end)).get();
     frame_.gather_begin = (gather_begin_ = DeviceArray<int>(gather_begin)).get();
     frame_.gather = (gather_ = DeviceArray<int>(gather)).get();
+  }
+
+  // At rest, with what its own loads would have added: program_ is the member's.
+  void begin_still(int member) {
+    const std::vector<Vec3<double>> still(vertex_count());
+    added_.upload(spread(program_.added_before({still, still})), member * local_count());
   }
 
   static EffectSet named_in(const Program<T>& program) {
@@ -425,6 +444,7 @@ class CudaBlocks final : public Ensemble {
   void keep_start() {
     u_.copy_to(u_before_, stream_);
     v_.copy_to(v_before_, stream_);
+    added_.copy_to(added_before_, stream_);
     duals_.copy_to(duals_before_, stream_);
     for_each_slot<EffectKind::element>(own_, [this]<class Effect>(const auto& own) {
       own.history.copy_to(own.history_before, stream_);
@@ -437,6 +457,7 @@ class CudaBlocks final : public Ensemble {
     };
     take_back(u_before_, u_);
     take_back(v_before_, v_);
+    take_back(added_before_, added_);
     take_back(duals_before_, duals_);
     for_each_slot<EffectKind::element>(
         own_, [&]<class Effect>(auto& own) { take_back(own.history_before, own.history); });
@@ -478,18 +499,17 @@ class CudaBlocks final : public Ensemble {
                   "use a smaller block_tets, a coarser mesh or scheme: gauss_seidel");
   }
 
-  std::vector<Vec3<double>> gathered(const std::vector<Vec3<T>>& locals) const {
-    std::vector<Vec3<double>> field;
-    for (int v = 0; v < vertex_count(); ++v) {
-      field.push_back(cast<double>(locals[layout_.locals_of(v)[0]]));
-    }
+  // By local vertex to by vertex, and back.
+  template <class Item>
+  std::vector<Item> gathered(const std::vector<Item>& locals) const {
+    std::vector<Item> field;
+    for (int v = 0; v < vertex_count(); ++v) field.push_back(locals[layout_.locals_of(v)[0]]);
     return field;
   }
-  std::vector<Vec3<T>> spread(const std::vector<Vec3<double>>& field) const {
-    std::vector<Vec3<T>> locals;
-    for (const LocalVertex& local : layout_.locals()) {
-      locals.push_back(cast<T>(field[local.vertex]));
-    }
+  template <class Item>
+  std::vector<Item> spread(const std::vector<Item>& field) const {
+    std::vector<Item> locals;
+    for (const LocalVertex& local : layout_.locals()) locals.push_back(field[local.vertex]);
     return locals;
   }
 
@@ -514,6 +534,7 @@ class CudaBlocks final : public Ensemble {
   Effects::Slots<View> host_views_;
   Effects::Joined<ArrayOf> views_;
   DeviceArray<Vec3<T>> u_, v_, duals_, rest_;
+  DeviceArray<Added<T>> added_;
   DeviceArray<T> inverse_mass_, mobility_, share_;
   DeviceArray<ReplicaRange> replicas_;
   DeviceArray<int> leader_, local_begin_, replica_begin_, replicated_, shared_end_, gather_begin_,
@@ -521,10 +542,13 @@ class CudaBlocks final : public Ensemble {
   DeviceArray<Message<T>> messages_;
   DeviceArray<unsigned char> touching_;
   DeviceArray<unsigned long long> ahead_;
-  Members chosen_;  // for launches
+  Members has_begun_;  // with a state that was given, or frames
+  Members chosen_;     // for launches
   DeviceArray<unsigned char> runs_;
   std::optional<CudaBlockBound<T>> bound_;
-  DeviceArray<Vec3<T>> u_before_, v_before_, duals_before_;  // at the start of the frame
+  // At the start of the frame.
+  DeviceArray<Vec3<T>> u_before_, v_before_, duals_before_;
+  DeviceArray<Added<T>> added_before_;
 };
 
 }  // namespace
@@ -541,11 +565,12 @@ std::unique_ptr<Ensemble> make_cuda_blocks(const Model& model, const Scene& scen
   const int wanted =
       options.block_tets > 0 ? options.block_tets : std::clamp(shared_out, min_block, max_wanted);
   const int tets_per_block = std::max(wanted, tets_in_each_of(processors));
+  const TimeStep time_step = time_step_of(scene, options);
   if (options.precision == Precision::fp64) {
-    return std::make_unique<CudaBlocks<double>>(model, scene, tets_per_block, members, name,
-                                                options.pause_point);
+    return std::make_unique<CudaBlocks<double>>(model, scene, time_step, tets_per_block, members,
+                                                name, options.pause_point);
   }
-  return std::make_unique<CudaBlocks<float>>(model, scene, tets_per_block, members, name,
+  return std::make_unique<CudaBlocks<float>>(model, scene, time_step, tets_per_block, members, name,
                                              options.pause_point);
 }
 

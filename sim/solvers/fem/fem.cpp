@@ -385,7 +385,7 @@ class FemSolver final : public Solver, public FemRest {
       NodeField stops(u_.size());
       term->add_stops(stops);
       for (std::size_t i = 0; i < stops.size(); ++i) {
-        if (touches(stops[i])) rule.after_stop(stops[i], v_[i], last_[i]);
+        if (touches(stops[i])) rule.after_stop(stops[i], last_[i].u, v_[i], last_[i]);
       }
     }
   }

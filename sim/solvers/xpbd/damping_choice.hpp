@@ -16,14 +16,14 @@ namespace viscera::sim {
 inline ViscousStep damping_for(const Model& model, const Scene& scene,
                                const SolverOptions& options) {
   const bool solves = options.method == Method::xpbd && options.scheme != Scheme::jacobi;
-  const double acts_s = acting_time(scene.time.substep_s(), order_of(scene, options));
+  const double acts_s = acting_time(scene.time.substep_s(), time_step_of(scene, options));
   return solves ? ViscousStep::of(model, scene, acts_s) : ViscousStep{};
 }
 
 // What a backend runs of a scene.
 template <class T>
 Program<T> program_for(const Model& model, const Scene& scene, const SolverOptions& options) {
-  return {model, scene, order_of(scene, options), damping_for(model, scene, options)};
+  return {model, scene, time_step_of(scene, options), damping_for(model, scene, options)};
 }
 
 // What a backend keeps of an effect takes over its new numbers, where it lies; where damping is

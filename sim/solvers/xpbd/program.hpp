@@ -153,16 +153,19 @@ struct Program {
   Effects::Slots<Slot> effects;
   Vec3<double> origin;  // of the model, m
   double dt;            // s
-  double acts_s;        // g, by which forces are prepared
+  TimeStep time_step;
+  double acts_s;  // g, by which forces are prepared
   TimeRule<T> rule;
   int substeps;
   ViscousStep viscous_step;  // where damping is solved for: rate forces are not lowered
 
-  Program(const Model& model, const Scene& scene, int order = 1, ViscousStep damping = {})
+  Program(const Model& model, const Scene& scene, const TimeStep& step = 1,
+          ViscousStep damping = {})
       : origin(model.origin),
         dt(scene.time.substep_s()),
-        acts_s(acting_time(dt, order)),
-        rule(TimeRule<T>::of(dt, order)),
+        time_step(step),
+        acts_s(acting_time(dt, step)),
+        rule(TimeRule<T>::of(dt, step)),
         substeps(scene.time.substeps),
         viscous_step(damping) {
     VISCERA_ASSERT(dt > 0.0 && substeps > 0, dt << " s, " << substeps << " substeps");
@@ -239,7 +242,7 @@ struct Program {
     return count;
   }
 
-  // What the last substep before a state has added to its vertices.
+  // What substeps before a state have added to its vertices.
   std::vector<Added<T>> added_before(const State& state) const {
     const std::size_t n = rest.size();
     std::vector<Added<T>> added(n);
@@ -254,7 +257,7 @@ struct Program {
     for (std::size_t i = 0; i < n; ++i) {
       if (!(inverse_mass[i] > T(0))) continue;
       const Vec3<T>& a = accelerations[i];
-      added[i] = {h * cast<T>(state.v[i]) - (T(0.5) * h * h) * a, h * a};
+      added[i] = {h * cast<T>(state.v[i]) - (rule.age() * h * h) * a, h * a};
     }
     return added;
   }

@@ -42,7 +42,8 @@ const std::vector<Param>& time_params() {
        .fallback = grid.order,
        .lo = 1.0,
        .hi = 2.0,
-       .doc = "of XPBD's time step: 2, BDF2, or 1, backward Euler, which loses energy"},
+       .doc = "of XPBD's time step: 2, BDF2 (in blocks a rule like it), or 1, backward Euler, "
+              "which loses energy"},
       quantity("end", fmt::format("{} s", grid.end_s), "s", 1e-6, 1e5, "longest simulated time")};
   return params;
 }
