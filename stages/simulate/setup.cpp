@@ -56,10 +56,10 @@ void take_stiffness(StageRun& run, const TetMesh& mesh, sim::Model& model) {
 
 FrameOptions frame_options(const StageRun& run, const SceneFile& file, const sim::Model& model,
                            const sim::SolverOptions& options) {
-  FrameOptions frames{
-      .method = options.method,
-      .forces = run.param<bool>("forces"),
-      .acts_s = sim::acting_time(file.scene.time.substep_s(), sim::time_step_of(file.scene, options))};
+  FrameOptions frames{.method = options.method,
+                      .forces = run.param<bool>("forces"),
+                      .acts_s = sim::acting_time(file.scene.time.substep_s(),
+                                                 sim::time_step_of(file.scene, options))};
   if (file.element == sim::Element::quadratic) frames.tissue = sim::quadratic_forces(model);
   return frames;
 }
