@@ -147,8 +147,7 @@ const std::vector<Method> known_methods = {
      "block_gauss_seidel",
      {"Elements were solved by Gauss-Seidel within blocks of the mesh, which exchange forces "
       "through dual variables after every substep. A time step of second order goes on by a mean "
-      "of "
-      "all changes before it, each of which weighs 0.8 times the next, not by the last alone."},
+      "of all changes before it, each of which weighs 0.8 times the next, not by the last alone."},
      {},
      {"At as many substeps blocks rest further from equilibrium than elements by colours do."}},
     {"scheme",

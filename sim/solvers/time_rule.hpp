@@ -25,10 +25,10 @@
 //
 //   x_n+1 = (x_n + sigma s) + g v_n+1,  likewise v,  sigma = (1 - q) / (3 - q),  g = 2 / (3 - q) h
 //
-// is of second order for any q: s is, to the first order, D x of (1/2 + q / (1 - q)) h ago, so that
-// with the age 1/2 of the step from x_n itself x'' drops out. q = 0 is BDF2. It is stable at every
-// omega h, and what changes from one substep to the next goes on nearly by backward Euler: at omega
-// h = .1 a step with q = .8 keeps .9992 of a swing, at .05 .99994 (tests/sim/time_rule_test.cpp).
+// is of second order for any q. About t_n+1, x_n+1 - x_n = h x' - h^2/2 x'' and s = h x' - (3/2 + q
+// / (1 - q)) h^2 x'', so that x'' drops out of the first equation. q = 0 is BDF2. It is stable at
+// every omega h: at .1 a step with q = .8 keeps .9992 of the amplitude of a swing, at .05 .99994
+// (tests/sim/time_rule_test.cpp).
 //
 // Where an obstacle or the bound on compression stops a vertex, its velocity jumps, and what was
 // before says nothing of what comes: along the way that it was moved the velocity is then d / h,
