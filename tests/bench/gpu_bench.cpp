@@ -18,11 +18,11 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "sim/element_choice.hpp"
 #include "sim/make.hpp"
 #include "sim/measures/stability.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
+#include "tests/bench/bodies.hpp"
 #include "tests/bench/measured.hpp"
 
 namespace viscera {
@@ -74,22 +74,15 @@ Model held_body(const char* file, const sim::Material& material, Held held) {
   return model;
 }
 
-// A body under its own weight, of one kind of element.
-struct Tissue {
-  sim::Element element;
-
-  sim::Scene scene(const Model& model, int substeps, int order = 2) const {
-    sim::Scene scene;
-    scene.params<sim::NeoHookean>().emplace_back();
-    sim::set_element(scene.effects, element, model.materials.front().poisson_ratio);
-    scene.params<sim::Gravity>().emplace_back();
-    scene.time.substeps = substeps;
-    scene.time.order = order;
-    scene.stability = sim::StabilityPolicy::warn;
-    apply_policy(model, scene);  // lays out what smoothed elements are of
-    return scene;
-  }
-};
+// Under its own weight along z.
+sim::Scene tissue(const Model& model, sim::Element element, int substeps, int order = 2) {
+  sim::Scene scene = scene_of(element, model.materials.front().poisson_ratio, substeps);
+  scene.params<sim::Gravity>().front() = {};
+  scene.time.order = order;
+  scene.stability = sim::StabilityPolicy::warn;
+  apply_policy(model, scene);  // lays out what smoothed elements are of
+  return scene;
+}
 
 // Velocities are halved every few frames: near the critical damping of the slowest swing.
 State settled(sim::Solver& solver, const State& start, int halvings = 60) {
@@ -103,25 +96,25 @@ State settled(sim::Solver& solver, const State& start, int halvings = 60) {
   return state;
 }
 
-State by_newton(const Model& model, const Tissue& tissue) {
+State by_newton(const Model& model, sim::Element element) {
   sim::SolverOptions newton{.method = sim::Method::fem};
   newton.fem.time = sim::FemOptions::Time::quasi_static;
   newton.fem.tolerance = 1e-9;
-  const auto solver = make_on_cpu(model, tissue.scene(model, 1), newton);
+  const auto solver = make_on_cpu(model, tissue(model, element, 1), newton);
   solver->advance_frame();
   return solver->state();
 }
-State by_settling(const Model& model, const Tissue& tissue) {
+State by_settling(const Model& model, sim::Element element) {
   const auto near =
-      make_on_cuda(model, tissue.scene(model, 96), {.scheme = Scheme::block_gauss_seidel});
+      make_on_cuda(model, tissue(model, element, 96), {.scheme = Scheme::block_gauss_seidel});
   const auto exact =
-      make_on_cuda(model, tissue.scene(model, rest_substeps), {.precision = Precision::fp64});
+      make_on_cuda(model, tissue(model, element, rest_substeps), {.precision = Precision::fp64});
   return settled(*exact, settled(*near, near->state(), 240));
 }
 // Where it hangs still.
-State equilibrium(const Model& model, const Tissue& tissue) {
+State equilibrium(const Model& model, sim::Element element) {
   const bool is_small = model.tet_count() <= max_tets_for_newton;
-  State state = is_small ? by_newton(model, tissue) : by_settling(model, tissue);
+  State state = is_small ? by_newton(model, element) : by_settling(model, element);
   state.step = 0;
   return state;
 }
@@ -164,42 +157,39 @@ Bound bound_of(const sim::SubstepWork& work, std::size_t tets) {
 }
 
 void run(const sim::Material& material, sim::Element element, const char* file, std::string& csv) {
-  const Tissue tissue{element};
   const char* const name = element == sim::Element::smoothed ? "smoothed" : "linear";
   const Model model = held_body(file, material, Held::thin);
   const Model hanging = held_body(file, material, Held::thick);
-  const auto make = [&](const sim::SolverOptions& options, int substeps, int order = 2) {
-    return make_on_cuda(model, tissue.scene(model, substeps, order), options);
-  };
-  const sim::SolverOptions exact{.precision = Precision::fp64};
-  const auto converged = make(exact, reference_substeps);
+  const auto converged = make_on_cuda(model, tissue(model, element, reference_substeps),
+                                      {.precision = Precision::fp64});
   for (int frame = 0; frame < motion_frames; ++frame) converged->advance_frame();
   const State reference = converged->state();
   const double size = root_mean_square(reference.u, nullptr);
-  const State rest = equilibrium(hanging, tissue);
+  const State rest = equilibrium(hanging, element);
   const double sag = root_mean_square(rest.u, nullptr);
   fmt::print("{} {} tets, E {} kPa, nu {}; rms displacement {:.2f} mm, at rest {:.2f} mm\n",
              model.tet_count(), name, material.youngs_modulus / 1e3, material.poisson_ratio,
              1e3 * size, 1e3 * sag);
   for (const Row& row : rows()) {
+    const sim::Scene scene = tissue(model, element, row.substeps, row.order);
     const auto made = std::chrono::steady_clock::now();
-    const auto solver = make(row.options, row.substeps, row.order);
+    const auto solver = make_on_cuda(model, scene, row.options);
     const double setup_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - made).count();
     const Times times = time_frames([&] { solver->advance_frame(); }, motion_frames);
     const double error = root_mean_square(solver->state().u, &reference.u) / size;
     const auto hung =
-        make_on_cuda(hanging, tissue.scene(hanging, row.substeps, row.order), row.options);
+        make_on_cuda(hanging, tissue(hanging, element, row.substeps, row.order), row.options);
     const double rest_error = root_mean_square(settled(*hung, rest).u, &rest.u) / sag;
-    const double cs = assess(model, tissue.scene(model, row.substeps)).cs_max;
+    const double cs = assess(model, scene).cs_max;
     const double us = 1e3 * times.median / row.substeps;
     const sim::SubstepWork work = solver->substep_work();
     const double bytes = work.shared_bytes + work.global_bytes;
     const Bound bound = bound_of(work, model.tet_count());
     const std::string line = fmt::format(
         "{:<18} order {} {:3} substeps {:8.3f} ms a frame ({:.3f}, {:.3f}) {:7.2f} us a substep, "
-        "error "
-        "{:.3f} %, at rest {:.3f} %, Cs {:.2f}, {:6.2f} MB, bound {:6.2f} us by {}, ratio {:.1f}, "
+        "error {:.3f} %, at rest {:.3f} %, Cs {:.2f}, {:6.2f} MB, bound {:6.2f} us by {}, ratio "
+        "{:.1f}, "
         "set-up {:.2f} s\n",
         row.name, row.order, row.substeps, times.median, times.q1, times.q3, us, 100.0 * error,
         100.0 * rest_error, cs, 1e-6 * bytes, bound.us, bound.by, us / bound.us, setup_s);
@@ -219,11 +209,11 @@ void run_ensembles(const char* file, std::string& csv) {
   const auto spread = [](int member, Model& own, sim::Scene&) {
     for (auto& material : own.materials) material.youngs_modulus *= 0.8 + 0.4 * (member % 64) / 64;
   };
+  const sim::Scene scene = tissue(model, sim::Element::linear, 64);
   for (const int members : {1, 2, 4, 8, 16, 32, 64, 132, 256, 264}) {
     const auto made = std::chrono::steady_clock::now();
-    const auto ensemble =
-        make_ensemble_on_cuda(model, Tissue{sim::Element::linear}.scene(model, 64),
-                              {.scheme = Scheme::block_gauss_seidel}, members, spread);
+    const auto ensemble = make_ensemble_on_cuda(
+        model, scene, {.scheme = Scheme::block_gauss_seidel}, members, spread);
     const double setup_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - made).count();
     const Times times = time_frames([&] { ensemble->advance_frame(); }, motion_frames);
