@@ -16,7 +16,6 @@
 #include <filesystem>
 #include <future>
 #include <memory>
-#include <span>
 #include <vector>
 
 #include "stages/mesh/tet_mesh.hpp"
