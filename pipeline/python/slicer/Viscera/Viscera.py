@@ -46,7 +46,7 @@ class VisceraLogic(ScriptedLoadableModuleLogic):
             segment_id = own.GetNthSegmentID(number)
             segment = own.GetSegment(segment_id)
             entry = vtk.mutable("")
-            has_code = segment.GetTag("Segmentation.TerminologyEntry", entry)
+            has_code = segment.GetTag(segment.GetTerminologyEntryTagName(), entry)
             material, origin = tissues.material_of(str(entry) if has_code else "")
             label = re.sub(r"\W+", "_", segment.GetName()).strip("_").lower() or "segment"
             if any(other["label"] == label for other in found):

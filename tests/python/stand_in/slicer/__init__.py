@@ -20,8 +20,12 @@ class Segment:
     def GetName(self):
         return self.name
 
+    @staticmethod
+    def GetTerminologyEntryTagName():
+        return "TerminologyEntry"
+
     def GetTag(self, name, found):
-        if name != "Segmentation.TerminologyEntry" or not self.entry:
+        if name != "TerminologyEntry" or not self.entry:
             return False
         found.set(self.entry)
         return True
