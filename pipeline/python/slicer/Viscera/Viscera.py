@@ -11,10 +11,12 @@ import re
 import sys
 import tempfile
 
+import numpy as np
 import slicer
 import vtk
 from slicer.ScriptedLoadableModule import (ScriptedLoadableModule, ScriptedLoadableModuleLogic,
                                            ScriptedLoadableModuleWidget)
+from vtk.util import numpy_support
 
 HERE = pathlib.Path(__file__).resolve().parent
 # programs.py is installed beside this file; among the sources it is part of the wheel.
@@ -32,7 +34,8 @@ class Viscera(ScriptedLoadableModule):
         parent.categories = ["Simulation"]
         parent.contributors = ["viscera"]
         parent.helpText = ("Segments become a body of tetrahedra that is held on one side and sags under its weight. "
-                           "The result is a sequence over time; landmarks move with the body.")
+                           "The result is a sequence over time: the body, and a copy of the segmentation whose "
+                           "segments move with it. Landmarks move, too.")
 
 
 class VisceraLogic(ScriptedLoadableModuleLogic):
@@ -59,6 +62,7 @@ class VisceraLogic(ScriptedLoadableModuleLogic):
                    within_mm=30.0, target_tets=20000, end_s=8.0):
         """Writes labels, scene and spec into a folder; returns the spec's path.
 
+        Segments with the same label are simulated as one material, that of the first.
         reference: the volume whose voxels the labels get. landmarks: a node of points to follow.
         """
         folder = pathlib.Path(folder)
@@ -74,21 +78,24 @@ class VisceraLogic(ScriptedLoadableModuleLogic):
             slicer.util.saveNode(volume, str(folder / "labels.nrrd"))
         finally:
             slicer.mrmlScene.RemoveNode(volume)
+        labels, materials = {}, {}
+        for value, segment in enumerate(segments, 1):
+            labels.setdefault(segment["label"], []).append(value)
+            materials.setdefault(segment["label"], segment["material"])
         inputs = {"scene": "scene.yaml"}
         if landmarks is not None:
             slicer.util.saveNode(landmarks, str(folder / "landmarks_at_rest.mrk.json"))
             inputs["landmarks"] = "landmarks_at_rest.mrk.json"
         scene = {
             "scene": 1,
-            "materials": {segment["label"]: segment["material"] for segment in segments},
+            "materials": materials,
             "effects": {"neo_hookean": None, "gravity": {}, "viscosity": None, "fixed": {"region": "support"}},
             "time": {"frame_rate": "60 Hz", "end": f"{end_s} s"},
         }
         spec = {
             "viscera": 1,
             "stages": {
-                "labels": {"in": {"volume": "labels.nrrd"},
-                           "labels": {segment["label"]: value + 1 for value, segment in enumerate(segments)}},
+                "labels": {"in": {"volume": "labels.nrrd"}, "labels": labels},
                 "surface": {},
                 "tetmesh": {"target_tets": target_tets,
                             "regions": {"support": {"side": held, "within": f"{within_mm} mm"}}},
@@ -105,72 +112,131 @@ class VisceraLogic(ScriptedLoadableModuleLogic):
         """Runs a case; returns its stages by name. programs.Failed says what was wrong."""
         return programs.run(spec, out=pathlib.Path(spec).parent / "out", progress=progress)
 
-    def show(self, stages, name):
-        """The body over time as a sequence of models, with its browser, and the landmarks at the end.
+    def show(self, stages, segmentation, segments):
+        """Puts a run into the scene: two sequences over time in one browser, and the landmarks at the end.
 
-        Returns the browser's node. Of the boundary alone, in RAS mm, with the distance from rest in mm.
+        One sequence is the body as a model, with the distance from rest in mm; it is hidden at first, since it covers
+        the segments. The other is a copy of the segmentation: the segments of the run with their IDs, names, colours
+        and tags, as closed surfaces that move. Such a surface bounds the tets of the segment's label: it is that of
+        the simulated body, not of the voxels. Segments with the same label have the same surface, that of all of
+        them, and a segment of which the mesh has no tet is empty. Segments that were not simulated are left out, and
+        the segmentation itself stays as it is.
+
+        Returns the browser's node.
         """
         folder = stages["simulate"].folder
-        frames = read_frames(folder / "trajectory.h5")
+        name = segmentation.GetName()
         scene = slicer.mrmlScene
-        sequence = scene.AddNewNodeByClass("vtkMRMLSequenceNode", f"{name} over time")
-        sequence.SetIndexName("time")
-        sequence.SetIndexUnit("s")
-        for time_s, surface in frames:
-            # Not of the scene: the sequence keeps a copy.
-            model = slicer.vtkMRMLModelNode()
-            model.SetName(name)
-            model.SetAndObservePolyData(surface)
-            sequence.SetDataNodeAtValue(model, f"{time_s:.4f}")
+        body = slicer.vtkMRMLModelNode()
+        body.SetName(name)
+        copy = copy_without_surfaces(segmentation, segments)
+        bodies, copies = sequences = [scene.AddNewNodeByClass("vtkMRMLSequenceNode", f"{node.GetName()} over time")
+                                      for node in (body, copy)]
+        try:
+            for sequence in sequences:
+                sequence.SetIndexName("time")
+                sequence.SetIndexUnit("s")
+            for time_s, surface, surfaces in read_frames(folder / "trajectory.h5"):
+                time = f"{time_s:.4f}"
+                store(bodies, body, time).SetAndObservePolyData(surface)
+                own = store(copies, copy, time).GetSegmentation()
+                for segment in segments:
+                    moved = own.GetSegment(segment["id"])
+                    if moved and segment["label"] in surfaces:
+                        moved.AddRepresentation(closed_surface(), surfaces[segment["label"]])
+        except BaseException:
+            for sequence in sequences:
+                scene.RemoveNode(sequence)
+            raise
         browser = scene.AddNewNodeByClass("vtkMRMLSequenceBrowserNode", f"{name} browser")
-        browser.SetAndObserveMasterSequenceNodeID(sequence.GetID())
+        browser.SetAndObserveMasterSequenceNodeID(bodies.GetID())
+        browser.AddSynchronizedSequenceNodeID(copies.GetID())
         browser.SetPlaybackRateFps(60.0)
         slicer.modules.sequences.logic().UpdateProxyNodesFromSequences(browser)
-        proxy = browser.GetProxyNode(sequence)
-        proxy.CreateDefaultDisplayNodes()
-        display = proxy.GetDisplayNode()
+        for sequence in sequences:
+            browser.GetProxyNode(sequence).CreateDefaultDisplayNodes()
+        display = browser.GetProxyNode(bodies).GetDisplayNode()
         display.SetActiveScalarName("displacement_mm")
         display.SetScalarVisibility(True)
+        display.SetVisibility(False)
         landmarks = folder / "landmarks.mrk.json"
         if landmarks.exists():
             slicer.util.loadMarkups(str(landmarks))
         return browser
 
 
+def closed_surface():
+    return slicer.vtkSegmentationConverter.GetSegmentationClosedSurfaceRepresentationName()
+
+
+def copy_without_surfaces(segmentation, segments):
+    """A segmentation, not of the scene, of empty segments with the IDs, names, colours and tags of those given.
+
+    One that the user has removed meanwhile is left out.
+    """
+    copy = slicer.vtkMRMLSegmentationNode()
+    copy.SetName(f"{segmentation.GetName()} simulated")
+    own = copy.GetSegmentation()
+    own.SetSourceRepresentationName(closed_surface())
+    for segment in segments:
+        original = segmentation.GetSegmentation().GetSegment(segment["id"])
+        if original:
+            empty = slicer.vtkSegment()
+            empty.DeepCopyMetadata(original)
+            own.AddSegment(empty, segment["id"])
+    return copy
+
+
+def store(sequence, node, value):
+    """Stores a copy of a node at an index value and returns it: a surface that it is given then is not copied."""
+    sequence.SetDataNodeAtValue(node, value)
+    return sequence.GetDataNodeAtValue(value)
+
+
+class Boundary:
+    """The faces that belong to one of the given tets alone. The surfaces of all frames share their triangles."""
+
+    def __init__(self, tets):
+        faces = tets[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)
+        _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+        self.vertices, corners = np.unique(faces[np.sort(first[count == 1])], return_inverse=True)
+        cells = np.insert(corners.reshape(-1, 3), 0, 3, axis=1).astype(np.int64)
+        self.triangles = vtk.vtkCellArray()
+        self.triangles.SetCells(len(cells), numpy_support.numpy_to_vtkIdTypeArray(cells.ravel(), deep=True))
+
+    def surface(self, positions):
+        """The vtkPolyData of a frame, of the positions of all vertices of the mesh."""
+        points = vtk.vtkPoints()
+        points.SetData(numpy_support.numpy_to_vtk(positions[self.vertices], deep=True))
+        surface = vtk.vtkPolyData()
+        surface.SetPoints(points)
+        surface.SetPolys(self.triangles)
+        return surface
+
+
 def read_frames(file):
-    """The boundary of the body in every frame of a trajectory.h5: pairs of time (s) and vtkPolyData, RAS mm."""
+    """Frame by frame of a trajectory.h5: the time (s), the boundary of the body with the distance from rest, and by
+    label the boundary of its tets. They are vtkPolyData in RAS mm."""
     try:
         import h5py
     except ImportError:  # Slicer does not come with it
         slicer.util.pip_install("h5py")
         import h5py
-    import numpy as np
-    from vtk.util import numpy_support
 
+    to_ras = np.array([-1, -1, 1], np.float32)
     with h5py.File(file, "r") as stored:
-        tets = stored["tets"][:]
-        faces = tets[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)
-        _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-        faces = faces[np.sort(first[count == 1])]
-        used, faces = np.unique(faces, return_inverse=True)
-        cells = np.insert(faces.reshape(-1, 3), 0, 3, axis=1).astype(np.int64)
-        to_ras = np.array([-1.0, -1.0, 1.0])
-        at_rest = stored["points"][:][used] * to_ras
-        found = []
-        for time_s, positions in zip(stored["times"][:], stored["positions"]):
-            now = positions[used] * to_ras
-            points = vtk.vtkPoints()
-            points.SetData(numpy_support.numpy_to_vtk(np.ascontiguousarray(now), deep=True))
-            triangles = vtk.vtkCellArray()
-            triangles.SetCells(len(cells), numpy_support.numpy_to_vtkIdTypeArray(cells.ravel(), deep=True))
-            moved = numpy_support.numpy_to_vtk(np.linalg.norm(now - at_rest, axis=1), deep=True)
+        tets, label_of = stored["tets"][:], stored["labels"][:]
+        body = Boundary(tets)
+        labels = {name.decode(): Boundary(tets[label_of == label])
+                  for label, name in zip(stored["label_ids"], stored["label_names"]) if np.any(label_of == label)}
+        at_rest = stored["points"][:] * to_ras
+        for time_s, positions in zip(stored["times"], stored["positions"]):
+            now = positions * to_ras
+            moved = numpy_support.numpy_to_vtk(np.linalg.norm(now - at_rest, axis=1)[body.vertices], deep=True)
             moved.SetName("displacement_mm")
-            surface = vtk.vtkPolyData()
-            surface.SetPoints(points)
-            surface.SetPolys(triangles)
+            surface = body.surface(now)
             surface.GetPointData().AddArray(moved)
-            found.append((float(time_s), surface))
-    return found
+            yield float(time_s), surface, {name: boundary.surface(now) for name, boundary in labels.items()}
 
 
 class VisceraWidget(ScriptedLoadableModuleWidget):
@@ -267,11 +333,12 @@ class VisceraWidget(ScriptedLoadableModuleWidget):
         try:
             segmentation = self.segmentation.currentNode()
             folder = pathlib.Path(tempfile.mkdtemp(prefix="viscera-", dir=slicer.app.temporaryPath))
-            spec = self.logic.write_case(folder, segmentation, self.chosen(), landmarks=self.landmarks.currentNode(),
+            segments = self.chosen()
+            spec = self.logic.write_case(folder, segmentation, segments, landmarks=self.landmarks.currentNode(),
                                          held=self.held.currentText, within_mm=self.within.value,
                                          target_tets=self.tets.value)
             stages = self.logic.run(spec, self.progress)
-            self.logic.show(stages, segmentation.GetName())
+            self.logic.show(stages, segmentation, segments)
             self.status.text = summary(stages)
         except programs.Cancelled:
             self.status.text = "cancelled"
