@@ -318,17 +318,11 @@ class BlockLayout {
       const int element = placed.element_of[at];
       all.push_back({effect.rest[element]});
       auto& rest = all.back().rest;
-      if constexpr (requires { Effect::lighten(rest, T(1)); }) {
-        std::size_t most = 1;  // replicas
-        for (const int v : effect.vertices[element]) most = std::max(most, replicas_of(v).size());
-        Effect::lighten(rest, static_cast<T>(most));
-      }
+      T mobility[Effect::arity];
+      mobilities(program, effect.vertices[element], mobility);
+      if constexpr (requires { Effect::lighten(rest, mobility); }) Effect::lighten(rest, mobility);
       if constexpr (is_linearized_apart<Effect>) {
-        if (!linearizes) {
-          T mobility[Effect::arity];
-          mobilities(program, effect.vertices[element], mobility);
-          Eliminated<Effect>::stiffen(rest, mobility);
-        }
+        if (!linearizes) Eliminated<Effect>::stiffen(rest, mobility);
       }
       if constexpr (is_renumberable<typename Effect::template Rest<T>>) {
         rest.rest_inverse = renumbered(rest.rest_inverse, placed.roles[at]);

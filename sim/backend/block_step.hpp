@@ -91,7 +91,8 @@ struct BlockScene {
   using ViewsOf = Views<BlockView<Effect, T>>;
   Effects::Joined<ViewsOf> effects;
   TimeRule<T> rule;
-  T usual_acts;  // s, over which rate forces are prepared to act (step/substep.hpp)
+  T usual_acts;     // s, over which rate forces are prepared to act (step/substep.hpp)
+  int rate_passes;  // in which they do
 };
 
 // A set of effects, one bit each in the registry's order: those that a kernel is compiled for.
@@ -152,7 +153,9 @@ constexpr void sweep_in_order(const BlockScene<T>& scene, Sweep&& sweep, Load&& 
     });
   };
   if (has_pass<ElementPass::rate_forces, set>(scene)) {
-    sweep_pass.template operator()<ElementPass::rate_forces>();
+    for (int pass = 0; pass < scene.rate_passes; ++pass) {
+      sweep_pass.template operator()<ElementPass::rate_forces>();
+    }
     load();
   }
   if (has_pass<ElementPass::forces, set>(scene)) {
@@ -168,6 +171,7 @@ struct BlockVertices {
   Row<T>* u;                     // [replicas] m, and the vertex's inverse mass, 1/kg
   Row<T>* d;                     // [replicas] m over the substep, and the replica's mobility, s2/kg
   Vec3<T>* duals;                // [replicated] m (partition.hpp)
+  Vec3<T>* rate_duals;           // likewise, where the scene has rate forces
   Vec3<T>* v;                    // [count] m/s at the start of the substep
   Added<T>* last;                // [count] what substeps before have added
   Vec3<T>* corrections;          // [contacts * count] m, 0: not in contact
@@ -272,7 +276,9 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
   if (has_pass<ElementPass::rate_forces, set>(scene)) {
     const Vec3<T> d = now.by_velocity(scene.rule, scene.usual_acts);
     act_over(scene, x, now, scene.usual_acts);
-    now.for_each_replica([&](int replica) { x.d[replica].v = d; });
+    const bool apart = now.is_replicated();
+    now.for_each_replica(
+        [&](int replica) { x.d[replica].v = apart ? d + before_sweep(x.rate_duals[replica]) : d; });
     return;
   }
   act_over(scene, x, now, scene.rule.acts);
@@ -284,7 +290,7 @@ SIM_HD void begin_local(const BlockScene<T>& scene, const Step<T>& step, const B
 
 // Between the rate forces and all others: what begin_local() has left out. Replicas that rate
 // forces have led apart are all given the same, that of a vertex without damping: other blocks know
-// no more. Where that touches an obstacle, they lose what rate forces have done along its normal.
+// no more.
 template <EffectSet set = all_effects, class T>
 SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
                        int i) {
@@ -302,18 +308,18 @@ SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const Bl
     first = d;
     return;
   }
-  const Vec3<T> inertial = now.by_velocity(rule, rule.acts), more = d - inertial;
-  if (longer != T(1)) {
-    now.for_each_replica([&](int replica) { x.d[replica].v = longer * x.d[replica].v; });
-  }
-  for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto&, int k) {
-    const Vec3<T> correction = x.corrections[k * x.count + i];
-    if (!touches(correction)) return;
-    now.for_each_replica(
-        [&](int replica) { take_back_along(correction, inertial, x.d[replica].v); });
+  const Vec3<T> inertial = now.by_velocity(rule, rule.acts);
+  now.for_each_replica([&](int replica) {
+    Vec3<T> damped = longer * x.d[replica].v - inertial;
+    for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto&, int k) {
+      const Vec3<T> correction = x.corrections[k * x.count + i];
+      if (!touches(correction)) return;
+      take_back_along(correction, damped);
+      take_back_along(correction, x.rate_duals[replica]);
+    });
+    x.d[replica].v = d + done_by_rates(damped, x.rate_duals[replica], x.duals[replica]);
+    x.d[replica].v += offset_now<set>(scene, x, replica, now);
   });
-  now.for_each_replica(
-      [&](int replica) { x.d[replica].v += more + offset_now<set>(scene, x, replica, now); });
 }
 
 // Gives the replicas their part of the dual variables (sweep_in_order), by `lanes` lanes of which
@@ -326,14 +332,24 @@ SIM_HD void offset_replicas(const BlockVertices<T>& x, int lane, int lanes) {
   }
 }
 
-// What the block has to say about a vertex: the sum over its replicas, counted from where its
-// velocity alone would take it.
+// A sum over replicas of a vertex: those of a block, or all.
 template <class T>
-SIM_HD Vec3<T> sum_of_replicas(const BlockScene<T>& scene, const BlockVertices<T>& x,
-                               const VertexNow<T>& now) {
+struct ReplicaSum {
+  Vec3<T> moved;     // m, counted from where the velocity alone would take the vertex
+  Vec3<T> by_rates;  // m, what rate forces have done
+};
+
+// What the block has to say about a vertex with several.
+template <EffectSet set = all_effects, class T>
+SIM_HD ReplicaSum<T> sum_of_replicas(const BlockScene<T>& scene, const BlockVertices<T>& x,
+                                     const VertexNow<T>& now) {
   const Vec3<T> from = scene.rule.dt * now.v;
-  Vec3<T> sum;
-  now.for_each_replica([&](int replica) { sum += x.d[replica].v - from; });
+  const bool damped = has_pass<ElementPass::rate_forces, set>(scene);
+  ReplicaSum<T> sum;
+  now.for_each_replica([&](int replica) {
+    sum.moved += x.d[replica].v - from;
+    if (damped) sum.by_rates += x.rate_duals[replica];
+  });
   return sum;
 }
 
@@ -341,12 +357,18 @@ SIM_HD Vec3<T> sum_of_replicas(const BlockScene<T>& scene, const BlockVertices<T
 // to the end of the substep.
 template <EffectSet set = all_effects, class T>
 SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const BlockVertices<T>& x,
-                         int i, const Vec3<T>& sum, VertexNow<T>& now) {
+                         int i, const ReplicaSum<T>& sum, VertexNow<T>& now) {
   Vec3<T> d;
   if (now.is_replicated()) {
-    const Vec3<T> from = scene.rule.dt * now.v, mean = now.share * sum;
+    const Vec3<T> from = scene.rule.dt * now.v, mean = now.share * sum.moved;
+    const bool damped = has_pass<ElementPass::rate_forces, set>(scene);
     now.for_each_replica([&](int replica) {
-      x.duals[replica] = next_dual(x.duals[replica], x.d[replica].v - from, mean);
+      const Vec3<T> moved = x.d[replica].v - from;
+      if (damped) {
+        next_duals(moved, mean, now.share * sum.by_rates, x.rate_duals[replica], x.duals[replica]);
+      } else {
+        x.duals[replica] = next_dual(x.duals[replica], moved, mean);
+      }
     });
     d = from + mean;
   } else {

@@ -28,8 +28,8 @@
 //   template <class T> SIM_HD static void evaluate(rest, u, d, Evaluation<T, rows, arity>&)
 //       u[arity]: displacements at the start of the substep, d[arity]: displacements over it. T may
 //       be several numbers side by side: select() in place of branches, square_root() of std::sqrt.
-//   template <class T> static void lighten(Rest<T>&, T replicas)   optional: the element works on
-//       replicas of its vertices that have their mass divided by `replicas` at most
+//   template <class T> static void lighten(Rest<T>&, const T (&mobility)[arity])   optional: the
+//       element works on replicas of its vertices with these mobilities, s2/kg
 //   Of a rate force: template <class T> static void solve_for(model, index, Rest<T>&)
 //       and template <bool resisted, class T> SIM_HD static void evaluate_in_full(rest, u, d, out):
 //       without what keeps it stable as an explicit one (solvers/xpbd/viscous_step.hpp), and

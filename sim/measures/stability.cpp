@@ -156,7 +156,7 @@ Stability assess(const Model& model, const Scene& scene, const SolverOptions& op
   result.limit = cs;
   if (method == Method::fem) result.limit = {"none", 0.0, 1.0, 0};
   if (method == Method::xpbd) {
-    const SweepError error = SweepError::of(model, acting_time(dt, time_step_of(scene, options)));
+    const SweepError error = SweepError::of(model, acting_time_of(scene, options));
     result.sweep_number = error.number;
     result.sweep_error = scene.force_hold_s > 0.0 ? 0.0 : error.bound;
   }

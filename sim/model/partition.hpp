@@ -12,6 +12,11 @@
 // the alternating direction method (Boyd et al., "Distributed Optimization and Statistical Learning
 // via the Alternating Direction Method of Multipliers", 2011, eq. 3.5 to 3.7). Acting as a whole
 // before the sweep they would gain energy from Cs 0.5 up (docs/results/cuda.md).
+//
+// Rate forces have a sweep and a dual variable of their own: without one, a block's outermost
+// elements would damp as if nothing held them from the other side, and what was left between the
+// replicas would be a strain to the elements. A dropped liver swung on a third longer
+// (docs/results/physics.md).
 #pragma once
 
 #include <array>
@@ -35,15 +40,32 @@ SIM_HD Vec3<T> next_dual(const Vec3<T>& dual, const Vec3<T>& d, const Vec3<T>& m
   return T(0.5) * dual + (mean - d);
 }
 
-// Rate forces act on replicas of a vertex before an obstacle stops it, with `correction`, and other
-// blocks do not know of it. What they did along its normal is taken back from a replica that would
-// have gone on by `inertial`: the obstacle decides where the vertex is along its normal whatever
-// the velocity. With it a velocity v of a vertex at rest became -s v in every substep, s the share
-// that damping takes, and single vertices went to and fro for ever from s = 1/2 on.
+// After the sweep over rate forces, which began with half of their dual variable, when a replica is
+// `left` beyond its vertex without damping: returns what the forces alone did, m, which takes the
+// dual variable's place until next_duals(). The sweep over elements is to begin where the mean of
+// all replicas would be if they did the same as in the substep before; half of its own dual
+// variable acts then.
 template <class T>
-SIM_HD void take_back_along(const Vec3<T>& correction, const Vec3<T>& inertial, Vec3<T>& damped) {
-  const T per_square = T(1) / dot(correction, correction);
-  damped -= (per_square * dot(correction, damped - inertial)) * correction;
+SIM_HD Vec3<T> done_by_rates(const Vec3<T>& left, Vec3<T>& rate_dual, Vec3<T>& dual) {
+  dual += T(2) * rate_dual;
+  return rate_dual = left - before_sweep(rate_dual);
+}
+// Both dual variables of the next substep, with the mean of what rate forces did to all replicas.
+template <class T>
+SIM_HD void next_duals(const Vec3<T>& d, const Vec3<T>& mean, const Vec3<T>& mean_by_rates,
+                       Vec3<T>& rate_dual, Vec3<T>& dual) {
+  dual = next_dual(dual, d - rate_dual, mean - mean_by_rates);
+  rate_dual = mean_by_rates - rate_dual;
+}
+
+// Rate forces act on replicas of a vertex before an obstacle stops it, with `correction`, and other
+// blocks do not know of it. What they did along its normal, `damped`, is taken back: the obstacle
+// decides where the vertex is along its normal whatever the velocity. With it a velocity v of a
+// vertex at rest became -s v in every substep, s the share that damping takes, and single vertices
+// went to and fro for ever from s = 1/2 on.
+template <class T>
+SIM_HD void take_back_along(const Vec3<T>& correction, Vec3<T>& damped) {
+  damped -= (dot(correction, damped) / dot(correction, correction)) * correction;
 }
 
 class Blocks {
@@ -100,6 +122,13 @@ class SplitVertices {
   int count() const { return static_cast<int>(vertex_of_.size()); }
   std::size_t vertex_count() const { return replicas_begin_.size() - 1; }
   int vertex_of(int replica) const { return vertex_of_[replica]; }
+  std::vector<int> replica_counts() const {  // [vertices]
+    std::vector<int> counts;
+    for (std::size_t v = 0; v < vertex_count(); ++v) {
+      counts.push_back(replicas_begin_[v + 1] - replicas_begin_[v]);
+    }
+    return counts;
+  }
   // The replicas of a vertex, in the order of their blocks.
   std::span<const int> replicas_of(int vertex) const {
     return {replicas_.data() + replicas_begin_[vertex],

@@ -28,8 +28,9 @@ struct State {
   // What effects with a history keep (Prony's viscous strains), in the order of the registry and of
   // their elements. Empty stands for a virgin material.
   std::vector<double> history = {};
-  // [replicas] m, the dual variables of replicas in block Gauss-Seidel (partition.hpp). Empty, or
-  // of as many replicas as another layout has, stands for nothing.
+  // [replicas] m, the dual variables of replicas in block Gauss-Seidel (partition.hpp), and behind
+  // them those of rate forces where there are any. Empty, or as many as another layout has, stands
+  // for nothing.
   std::vector<Vec3<double>> duals = {};
 
   // What elements hold of their forces (solvers/xpbd/held_forces.hpp), N, in the order of the
@@ -39,10 +40,10 @@ struct State {
 
   // For a state whose u or v are changed, or whose substep: what was added does not belong to them.
   void forget_added() { added_u.clear(), added_v.clear(); }
-  // The dual variables of a layout with so many replicas.
+  // Those of a layout that has so many.
   template <class T>
-  std::vector<Vec3<T>> duals_for(std::size_t replicas) const {
-    return duals.size() == replicas ? cast_all<T>(duals) : std::vector<Vec3<T>>(replicas);
+  std::vector<Vec3<T>> duals_for(std::size_t count) const {
+    return duals.size() == count ? cast_all<T>(duals) : std::vector<Vec3<T>>(count);
   }
   bool finite() const;
   // FNV-1a over the 64-bit words of u and v, folded after each: a float's empty low bits would

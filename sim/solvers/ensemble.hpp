@@ -24,8 +24,7 @@ class Ensemble {
   virtual void steer(int member, const Scene& scene) = 0;
   virtual std::size_t contact_count(int member) const = 0;
   virtual double unsettled_force(int) const { return 0.0; }
-  virtual bool solves_damping() const { return false; }
-  virtual int damping_passes() const { return 1; }
+  virtual ActingDamping damping() const { return {}; }
   virtual std::string device() const = 0;
   virtual bool off_host() const { return false; }
   virtual SubstepWork substep_work() const { return {}; }  // of one member
@@ -52,8 +51,7 @@ class OnlyMember final : public Solver {
   void steer(const Scene& scene) override { ensemble_->steer(0, scene); }
   std::size_t contact_count() const override { return ensemble_->contact_count(0); }
   double unsettled_force() const override { return ensemble_->unsettled_force(0); }
-  bool solves_damping() const override { return ensemble_->solves_damping(); }
-  int damping_passes() const override { return ensemble_->damping_passes(); }
+  ActingDamping damping() const override { return ensemble_->damping(); }
   std::string device() const override { return ensemble_->device(); }
   bool off_host() const override { return ensemble_->off_host(); }
   SubstepWork substep_work() const override { return ensemble_->substep_work(); }
@@ -85,8 +83,7 @@ class Separately final : public Ensemble {
   void steer(int member, const Scene& scene) override { members_[member]->steer(scene); }
   std::size_t contact_count(int member) const override { return members_[member]->contact_count(); }
   double unsettled_force(int member) const override { return members_[member]->unsettled_force(); }
-  bool solves_damping() const override { return members_[0]->solves_damping(); }
-  int damping_passes() const override { return members_[0]->damping_passes(); }
+  ActingDamping damping() const override { return members_[0]->damping(); }
   std::string device() const override { return members_[0]->device(); }
   bool off_host() const override { return members_[0]->off_host(); }
   SubstepWork substep_work() const override { return members_[0]->substep_work(); }

@@ -81,5 +81,9 @@ inline constexpr double kept_in_blocks = 0.8;
 inline TimeStep time_step_of(const Scene& scene, const SolverOptions& options) {
   return {order_of(scene, options), in_blocks(options) ? kept_in_blocks : 0.0};
 }
+// s, over which forces act in a substep.
+inline double acting_time_of(const Scene& scene, const SolverOptions& options) {
+  return acting_time(scene.time.substep_s(), time_step_of(scene, options));
+}
 
 }  // namespace viscera::sim

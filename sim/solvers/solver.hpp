@@ -25,6 +25,13 @@ struct SubstepWork {
   int launches = 0;           // likewise; 0 where a frame is one
 };
 
+// How damping acts (xpbd/viscous_step.hpp), unless it is part of an implicit solver's forces.
+struct ActingDamping {
+  bool solved = false;  // in full, by steps of its own; otherwise as a force, as much as is stable
+  int passes = 1;       // over the elements, in which a substep takes that force
+  std::vector<int> replicas = {};  // [n] of each vertex, on which it acts; empty: one
+};
+
 class Solver {
  public:
   virtual ~Solver() = default;
@@ -49,11 +56,7 @@ class Solver {
     return sim::diagnose(model, scene, state);
   }
   virtual std::size_t contact_count() const = 0;  // vertices in contact at the end of the frame
-  // Whether all of the damping acts, by steps of its own (viscous_step.hpp); otherwise a stable
-  // share of it does, as an explicit force, or it is part of an implicit solver's forces.
-  virtual bool solves_damping() const { return false; }
-  // In how many passes over the elements a substep takes that force.
-  virtual int damping_passes() const { return 1; }
+  virtual ActingDamping damping() const { return {}; }
   // N, summed up over the vertices: by how much the last substep has changed the forces that
   // elements hold. It vanishes where the body rests as its law says (held_forces.hpp); 0 where none
   // are held.

@@ -187,8 +187,7 @@ Point World::pull(const sim::State& state) const {
   Point sum;
   if (!hand_.holds) return sum;
   const sim::Model& model = setup_.model;
-  const double acts_s = sim::acting_time(setting_->scene.time.substep_s(),
-                                         sim::time_step_of(setting_->scene, setting_->options));
+  const double acts_s = sim::acting_time_of(setting_->scene, setting_->options);
   const auto hold = sim::Grip::device<double>(model, scene_.params<sim::Grip>().back(), acts_s);
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {
     sum += model.mass[i] * sim::Grip::acceleration(hold, model.rest[i], state.u[i], state.v[i]);

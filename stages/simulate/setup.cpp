@@ -58,8 +58,7 @@ FrameOptions frame_options(const StageRun& run, const SceneFile& file, const sim
                            const sim::SolverOptions& options) {
   FrameOptions frames{.method = options.method,
                       .forces = run.param<bool>("forces"),
-                      .acts_s = sim::acting_time(file.scene.time.substep_s(),
-                                                 sim::time_step_of(file.scene, options))};
+                      .acts_s = sim::acting_time_of(file.scene, options)};
   if (file.element == sim::Element::quadratic) frames.tissue = sim::quadratic_forces(model);
   return frames;
 }

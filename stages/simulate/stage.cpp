@@ -188,22 +188,22 @@ void report_borders(StageRun& run, const sim::Model& model, const sim::Scene& sc
 void report_viscosity(StageRun& run, const sim::Model& model, const sim::Scene& scene,
                       const sim::SolverOptions& options, const sim::Solver& solver) {
   if (!scene.has<sim::Viscosity>() || options.method == sim::Method::fem) return;
-  const double acts_s = sim::acting_time(scene.time.substep_s(), sim::time_step_of(scene, options));
-  const auto force = sim::ExplicitDamping::of(model, acts_s / solver.damping_passes());
-  const bool solved = solver.solves_damping();
+  const double acts_s = sim::acting_time_of(scene, options);
+  const auto [solved, passes, replicas] = solver.damping();
+  const auto force = sim::ExplicitDamping::of(model, acts_s / passes, replicas);
   run.metric("viscosity_lowered", solved ? 0.0 : force.lowered);
   run.gate(simulate_gates::damping_acting, solved ? 1.0 : force.share, min_damping);
   if (solved) {
-    const double every = sim::ViscousStep::of(model, scene, acts_s).tau();
+    const double every = sim::ViscousStep::of(model, scene, acts_s, replicas).tau();
     log::info(
         "damping is solved for every {:.3g} ms and acts in full: as a force {:.1f} % of it "
-        "would be stable",
+        "would",
         1e3 * every, 100.0 * force.share);
     return;
   }
   const std::string text = fmt::format(
-      "{:.1f} % of the damping that the scene asks for acts: it is lowered on {:.1f} % of "
-      "the tets to stay stable",
+      "{:.1f} % of the damping that the scene asks for acts: {:.1f} % of the tets are too small or "
+      "stiff for the substep and damp less",
       100.0 * force.share, 100.0 * force.lowered);
   if (force.share < full_damping) {
     log::warn("{}; scheme gauss_seidel, more substeps or solver fem give it in full", text);
@@ -413,7 +413,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "19",
+           .version = "20",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

@@ -328,6 +328,16 @@ TEST_F(Cuda, AStiffBarIsDampedAndRestsAsByNewton) {
   }
 }
 
+TEST_F(Cuda, ADampedCubeIsDampedAsByNewtonInBlocks) {
+  for (const Precision precision : {Precision::fp64, Precision::fp32}) {
+    const SolverOptions options{
+        .scheme = Scheme::block_gauss_seidel, .precision = precision, .block_tets = 60};
+    expect_damped_cube_is_damped_as_by_newton([&](const Model& model, const Scene& scene) {
+      return make_on_cuda(model, scene, options);
+    });
+  }
+}
+
 TEST_F(Cuda, AStiffBarMovesAsOnTheCpu) {
   StiffBar bar({10, 3, 3}, 0.45, 0.03);
   bar.scene.accuracy_limit = 0.01;

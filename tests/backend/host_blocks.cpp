@@ -3,6 +3,7 @@
 #include <deque>
 
 #include "sim/backend/block_step.hpp"
+#include "sim/solvers/xpbd/damping_choice.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -12,7 +13,7 @@ class HostBlocks final : public Solver {
  public:
   HostBlocks(const Model& model, const Scene& scene, int tets_per_block, bool linearized,
              BlockTeam team)
-      : program_(model, scene, time_step_of(scene, {.scheme = Scheme::block_gauss_seidel})),
+      : program_(model, scene, time_step_of(scene, blocks)),
         layout_(model, program_, tets_per_block, team),
         linearized_(linearized),
         constants_(layout_.constants(program_)),
@@ -22,7 +23,9 @@ class HostBlocks final : public Solver {
         last_(v_.size()),
         u_(layout_.replicas_in(layout_.block_count() - 1).end),
         d_(u_.size()),
-        duals_(u_.size()) {
+        duals_(u_.size()),
+        rate_duals_(u_.size()) {
+    take_damping(model, scene);
     for (int block = 0; block < layout_.block_count(); ++block) {
       const int first = layout_.locals_in(block).begin;
       for_each_local(block, [&](const auto& x, int i, int) {
@@ -54,7 +57,7 @@ class HostBlocks final : public Solver {
   void advance_frame() override {
     for (int substep = 0; substep < program_.substeps; ++substep) {
       const Step<T> step = program_.step(step_++);
-      std::vector<Vec3<T>> sums;
+      std::vector<ReplicaSum<T>> sums;
       for (int block = 0; block < layout_.block_count(); ++block) {
         const auto x = vertices(block);
         for (int i = 0; i < x.count; ++i) {
@@ -73,8 +76,11 @@ class HostBlocks final : public Solver {
       }
       for (int block = 0; block < layout_.block_count(); ++block) {
         for_each_local(block, [&](const auto& x, int i, int vertex) {
-          Vec3<T> sum;
-          for (const int local : layout_.locals_of(vertex)) sum += sums[local];
+          ReplicaSum<T> sum;
+          for (const int local : layout_.locals_of(vertex)) {
+            sum.moved += sums[local].moved;
+            sum.by_rates += sums[local].by_rates;
+          }
           VertexNow<T> now(x, i);
           finish_local(scenes_[block], step, x, i, sum, now);
         });
@@ -98,6 +104,8 @@ class HostBlocks final : public Solver {
     }
     program_.save_added(added, state);
     state.duals = cast_all<double>(duals_);
+    const auto of_rates = cast_all<double>(rate_duals_);
+    state.duals.insert(state.duals.end(), of_rates.begin(), of_rates.end());
     return state;
   }
   void set_state(const State& state) override {
@@ -111,12 +119,14 @@ class HostBlocks final : public Solver {
         x.last[i] = added[vertex];
       });
     }
-    duals_ = state.duals_for<T>(duals_.size());
+    const auto duals = state.duals_for<T>(2 * duals_.size());
+    duals_.assign(duals.begin(), duals.begin() + duals_.size());
+    rate_duals_.assign(duals.begin() + duals_.size(), duals.end());
     step_ = state.step;
     make_views();
   }
   void retune(const Model& model, const Scene& scene) override {
-    program_.retune({model, scene, program_.time_step});
+    take_damping(model, scene);
     const double cs = assess(model, scene).cs_max;
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::element) {
@@ -139,6 +149,13 @@ class HostBlocks final : public Solver {
   std::string device() const override { return "host stand-in"; }
 
  private:
+  static inline const SolverOptions blocks{.scheme = Scheme::block_gauss_seidel};
+
+  void take_damping(const Model& model, const Scene& scene) {
+    program_.retune({model, scene, program_.time_step,
+                     damping_force_for(model, scene, blocks, layout_.split().replica_counts())});
+  }
+
   template <class Effect>
   using View = BlockView<Effect, T>;
   template <class Effect, class U = T>
@@ -162,6 +179,7 @@ class HostBlocks final : public Solver {
     for (int block = 0; block < layout_.block_count(); ++block) {
       scenes_[block].rule = bound_acts_ ? program_.rule : program_.rule.to_first_order();
       scenes_[block].usual_acts = program_.rule.acts;
+      scenes_[block].rate_passes = program_.viscous_step.passes;
       Effects::for_each([&]<class Effect, std::size_t i>() {
         auto& views = std::get<i>(views_[block]);
         for (std::size_t k = 0; k < std::get<i>(program_.effects).size(); ++k) {
@@ -193,6 +211,7 @@ class HostBlocks final : public Solver {
     return {u_.data() + replica,
             d_.data() + replica,
             duals_.data() + replica,
+            rate_duals_.data() + replica,
             v_.data() + first,
             last_.data() + first,
             corrections_.data() + contacts_ * first,
@@ -267,7 +286,7 @@ class HostBlocks final : public Solver {
   std::vector<Vec3<T>> v_, corrections_;
   std::vector<Added<T>> last_;
   std::vector<Row<T>> u_, d_;
-  std::vector<Vec3<T>> duals_;
+  std::vector<Vec3<T>> duals_, rate_duals_;
 };
 
 }  // namespace

@@ -94,7 +94,7 @@ TEST(FemStep, FreeFallIsExact) {
 TEST(FemStep, DampingIsPartOfItsForcesAndNotSolvedForApart) {
   Scene scene = drop_scene();
   scene.time.substeps = 1;
-  EXPECT_FALSE(make_on_cpu(make_cube(1), scene, second_order)->solves_damping());
+  EXPECT_FALSE(make_on_cpu(make_cube(1), scene, second_order)->damping().solved);
 }
 
 // Each element has a past of its own, also the first.

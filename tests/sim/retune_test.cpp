@@ -183,16 +183,16 @@ TEST(Damping, IsSolvedForFromTheRetuneOnThatNeedsIt) {
   for (Material& material : after.model.materials) material.damping = 0.05;
   const auto retuned = make_on_cpu(before.model, before.scene, {});
   const auto restarted = make_on_cpu(after.model, after.scene, {});
-  ASSERT_FALSE(retuned->solves_damping());
-  ASSERT_TRUE(restarted->solves_damping());
+  ASSERT_FALSE(retuned->damping().solved);
+  ASSERT_TRUE(restarted->damping().solved);
   advance(*retuned, 3);
   restarted->set_state(retuned->state());
   retuned->retune(after.model, after.scene);
-  EXPECT_TRUE(retuned->solves_damping());
+  EXPECT_TRUE(retuned->damping().solved);
   advance(*retuned, 3), advance(*restarted, 3);
   EXPECT_TRUE(same_bits(retuned->state(), restarted->state()));
   retuned->retune(before.model, before.scene);
-  EXPECT_FALSE(retuned->solves_damping());
+  EXPECT_FALSE(retuned->damping().solved);
   advance(*retuned, 1);
   EXPECT_TRUE(retuned->state().finite());
 }

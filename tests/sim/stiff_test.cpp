@@ -29,6 +29,11 @@ TEST(StiffBar, IsDampedAsByNewtonInBlocks) {
 TEST(StiffCube, IsDampedAsByNewton) {
   expect_stiff_cube_is_damped_as_by_newton(with({}));
 }
+TEST(DampedCube, IsDampedAsByNewtonByColoursAndInBlocks) {
+  expect_damped_cube_is_damped_as_by_newton(with({}));
+  expect_damped_cube_is_damped_as_by_newton(
+      with({.scheme = Scheme::block_gauss_seidel, .block_tets = 60}));
+}
 TEST(StiffBar, RestsWhereNewtonDoesWhereElementsHoldTheirForces) {
   expect_rests_where_newton_does(with({}));
 }
@@ -47,7 +52,7 @@ TEST(ViscousStep, KeepsMomentumAndLosesEnergy) {
   State state = solver->state();
   for (auto& v : state.v) v = random_vector(generator, 0.2) + Vec3<double>{0.3, -0.1, 0.2};
   solver->set_state(state);
-  ASSERT_TRUE(solver->solves_damping());
+  ASSERT_TRUE(solver->damping().solved);
   const auto momenta = [&bar](const State& s) {
     Vec3<double> linear, angular;
     for (std::size_t i = 0; i < s.v.size(); ++i) {

@@ -75,7 +75,7 @@ class CpuSolver final : public Solver {
   }
   void retune(const Model& model, const Scene& scene) override {
     check_scene(scene);
-    body_.program.retune(program_for<T>(model, scene, body_.options));
+    body_.program.retune(program_for<T>(model, scene, body_.options, body_.replica_counts()));
     const bool relaid =
         body_.layout.solves_damping != static_cast<bool>(body_.program.viscous_step);
     if (relaid) body_.prepare_damping();
@@ -97,8 +97,10 @@ class CpuSolver final : public Solver {
         body_.own, [&count]<class Effect>(const auto& own) { count += own.count(); });
     return count;
   }
-  bool solves_damping() const override { return static_cast<bool>(body_.program.viscous_step); }
-  int damping_passes() const override { return body_.program.viscous_step.passes; }
+  ActingDamping damping() const override {
+    const ViscousStep& step = body_.program.viscous_step;
+    return {static_cast<bool>(step), step.passes, body_.replica_counts()};
+  }
   double unsettled_force() const override {
     double sum = 0.0;
     for (int i = 0; i < static_cast<int>(body_.added.size()); ++i) {

@@ -287,7 +287,15 @@ class VertexReplicas {
         has_duals_(has_duals),
         u_(split.count()),
         d_(split.count()),
-        duals_(split.count()) {}
+        duals_(split.count()),
+        rate_duals_(split.count()) {}
+
+  // Whether rate forces act on them.
+  bool damped() const { return damped_; }
+  void damp(bool damped) {
+    damped_ = damped;
+    rate_duals_.assign(rate_duals_.size(), {});
+  }
 
   // All where their vertices are.
   void take(Range replicas, const std::vector<Row<T>>& u, const std::vector<Row<T>>& d) {
@@ -297,6 +305,9 @@ class VertexReplicas {
       d_[replica] = {d[v].v, static_cast<T>(split_.replicas_of(v).size()) * d[v].w};
     }
   }
+  // Before rate forces, and before the constraints.
+  void offset_for_rates(Range replicas) { offset(replicas, rate_duals_); }
+  void offset(Range replicas) { offset(replicas, duals_); }
   // After rate forces: of vertices with several replicas no block knows all.
   void give_those_alone(Range replicas, std::vector<Row<T>>& d) const {
     for (int replica = replicas.begin; replica < replicas.end; ++replica) {
@@ -304,23 +315,20 @@ class VertexReplicas {
       if (is_alone(v)) d[v].v = d_[replica].v;
     }
   }
-  // After forces, motions and contacts, which lead a vertex from d to where it is now: all replicas
-  // get the same, load(v, d of the replica).
-  template <class Load>
-  void lead(Range replicas, const std::vector<Row<T>>& d, Load&& load) {
+  // After forces, motions and contacts, which lead a vertex to d: its replicas get that and what
+  // rate forces have done to each. beyond_vertex(v, d of the replica, its dual variable of the rate
+  // forces) counts d from where the vertex would be without damping, and takes from both what an
+  // obstacle undoes.
+  template <class BeyondVertex>
+  void lead(Range replicas, const std::vector<Row<T>>& d, BeyondVertex&& beyond_vertex) {
     for (int replica = replicas.begin; replica < replicas.end; ++replica) {
       const int v = split_.vertex_of(replica);
       if (is_alone(v)) {
         d_[replica].v = d[v].v;
-      } else {
-        load(v, d_[replica].v);
+        continue;
       }
-    }
-  }
-  // Before the constraints.
-  void offset(Range replicas) {
-    for (int replica = replicas.begin; replica < replicas.end; ++replica) {
-      d_[replica].v += before_sweep(duals_[replica]);
+      beyond_vertex(v, d_[replica].v, rate_duals_[replica]);
+      d_[replica].v = d[v].v + done_by_rates(d_[replica].v, rate_duals_[replica], duals_[replica]);
     }
   }
   void use(SweepFields<T>& fields) {
@@ -330,28 +338,49 @@ class VertexReplicas {
   void average(Range vertices, std::vector<Row<T>>& d) {
     for (int v = vertices.begin; v < vertices.end; ++v) {
       const auto replicas = split_.replicas_of(v);
+      const T share = T(1) / static_cast<T>(replicas.size());
       const auto moved = [&](int replica) { return d_[replica].v - d[v].v; };
-      Vec3<T> mean;
-      for (const int replica : replicas) mean += moved(replica);
-      mean = (T(1) / static_cast<T>(replicas.size())) * mean;
-      if (has_duals_) {
-        for (const int replica : replicas)
-          duals_[replica] = next_dual(duals_[replica], moved(replica), mean);
+      Vec3<T> mean, by_rates;
+      for (const int replica : replicas) {
+        mean += moved(replica);
+        by_rates += rate_duals_[replica];
+      }
+      mean = share * mean;
+      by_rates = share * by_rates;
+      for (const int replica : replicas) {
+        next_duals(moved(replica), mean, by_rates, rate_duals_[replica], duals_[replica]);
+        if (!has_duals_) duals_[replica] = rate_duals_[replica] = {};
       }
       d[v].v += mean;
     }
   }
 
-  void save(State& state) const { state.duals = cast_all<double>(duals_); }
-  void load(const State& state) { duals_ = state.duals_for<T>(duals_.size()); }
+  // The dual variables of the elements, and those of the rate forces where there are any.
+  void save(State& state) const {
+    state.duals = cast_all<double>(duals_);
+    if (!damped_) return;
+    const auto of_rates = cast_all<double>(rate_duals_);
+    state.duals.insert(state.duals.end(), of_rates.begin(), of_rates.end());
+  }
+  void load(const State& state) {
+    const std::size_t count = split_.count();
+    const auto all = state.duals_for<T>(damped_ ? 2 * count : count);
+    duals_.assign(all.begin(), all.begin() + count);
+    if (damped_) rate_duals_.assign(all.begin() + count, all.end());
+  }
 
  private:
   bool is_alone(int vertex) const { return split_.replicas_of(vertex).size() == 1; }
+  void offset(Range replicas, const std::vector<Vec3<T>>& duals) {
+    for (int replica = replicas.begin; replica < replicas.end; ++replica) {
+      d_[replica].v += before_sweep(duals[replica]);
+    }
+  }
 
   const SplitVertices& split_;
-  bool has_duals_;
+  bool has_duals_, damped_ = false;
   std::vector<Row<T>> u_, d_;
-  std::vector<Vec3<T>> duals_;  // [replicas] m
+  std::vector<Vec3<T>> duals_, rate_duals_;  // [replicas] m
 };
 
 // With the widest instructions that this machine has; the results do not depend on it.

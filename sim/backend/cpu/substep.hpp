@@ -67,24 +67,38 @@ struct CpuBody {
         d(n),
         v(n) {
     set_mobility({0, n}, rule.acts);
+    // Damping may have to be solved for on replicas where it need not on the vertices.
+    if (damps_replicas()) program.retune(program_for<T>(model, scene, given, replica_counts()));
+    // Multipliers of several iterations, and the projections of PBD, are no forces to carry on.
+    const bool has_duals = arithmetic_of(options, 0) == Arithmetic::xpbd_only;
+    if (layout.blocks) replicas.emplace(layout.blocks->split(), has_duals);
+    prepare_damping();
     Effects::for_each([&]<class Effect, std::size_t i>() {
       for (const auto& effect : std::get<i>(program.effects)) {
         std::get<i>(own).emplace_back(effect, layout);
       }
     });
     if (layout.holds) held.resize(n), added.resize(n);
-    prepare_damping();
     const std::vector<Vec3<double>> still(n);
     last = program.added_before({still, still});
-    // Multipliers of several iterations, and the projections of PBD, are no forces to carry on.
-    const bool has_duals = arithmetic_of(options, 0) == Arithmetic::xpbd_only;
-    if (layout.blocks) replicas.emplace(layout.blocks->split(), has_duals);
   }
 
   void prepare_damping() {
     layout.solves_damping = static_cast<bool>(program.viscous_step);
     viscous_step.reset();
     if (program.viscous_step) viscous_step.emplace(program.inverse_mass);
+    if (replicas) replicas->damp(damps_replicas() && !layout.solves_damping);
+  }
+  // Whether rate forces act on replicas of the vertices, unless damping is solved for.
+  bool damps_replicas() const {
+    bool any = false;
+    for_each_slot<EffectKind::element>(
+        program.effects, [&any]<class Effect>(const auto&) { any = any || is_rate_force<Effect>; });
+    return any && layout.blocks && !layout.holds;
+  }
+  // [n] of each vertex, or none.
+  std::vector<int> replica_counts() const {
+    return damps_replicas() ? layout.blocks->split().replica_counts() : std::vector<int>{};
   }
   // Of the frame that begins: to first order where the bound on compression does not act.
   void choose_rule() {
@@ -210,7 +224,11 @@ class CpuSubstep {
   }
   void sweep_rate_forces() {
     body_.team.barrier();
-    if (damps_replicas()) body_.replicas->take(own_replicas(), body_.u, body_.d);
+    const bool in_replicas = body_.replicas && body_.replicas->damped();
+    if (in_replicas) {
+      body_.replicas->take(own_replicas(), body_.u, body_.d);
+      body_.replicas->offset_for_rates(own_replicas());
+    }
     for_each_rate_force([&]<class Effect>(auto& own) {
       const Sweep<T> sweep = sweep_of<Effect>(Arithmetic::xpbd_only);
       for (int pass = 0; pass < body_.program.viscous_step.passes; ++pass) {
@@ -218,7 +236,7 @@ class CpuSubstep {
       }
       took(Effects::index_of<Effect>());
     });
-    if (!damps_replicas()) return;
+    if (!in_replicas) return;
     body_.replicas->give_those_alone(own_replicas(), body_.d);
     body_.team.barrier();
   }
@@ -324,11 +342,6 @@ class CpuSubstep {
       if constexpr (is_rate_force<Effect>) function.template operator()<Effect>(own);
     });
   }
-  // Whether they act on the replicas of the vertices.
-  bool damps_replicas() const {
-    return body_.replicas && !body_.layout.holds && !body_.layout.solves_damping;
-  }
-
   template <class Effect>
   Sweep<T> sweep_of(Arithmetic arithmetic) const {
     return body_.sweeps[static_cast<int>(arithmetic)][Effects::index_of<Effect>()];
@@ -426,7 +439,7 @@ class CpuSubstep {
   // Effect after effect, on the blocks' replicas of the vertices.
   void sweep_blocks(Arithmetic arithmetic, int iteration) {
     const Range replicas = own_replicas();
-    if (iteration == 0 && damps_replicas() && sweeps_rate_forces()) {
+    if (iteration == 0 && body_.replicas->damped()) {
       lead_replicas(replicas);
     } else {
       body_.replicas->take(replicas, body_.u, body_.d);
@@ -454,15 +467,13 @@ class CpuSubstep {
   // Replicas that rate forces have led apart get what forces, motions and contacts have done.
   void lead_replicas(Range replicas) {
     const T scale = rule().acts / usual_rule().acts;
-    body_.replicas->lead(replicas, body_.d, [&](int v, Vec3<T>& damped) {
-      const Vec3<T> inertial = rule().acts * rule().velocity(body_.v[v], body_.last[v]);
-      damped = scale * damped;
+    body_.replicas->lead(replicas, body_.d, [&](int v, Vec3<T>& damped, Vec3<T>& rate_dual) {
+      damped = scale * damped - rule().acts * rule().velocity(body_.v[v], body_.last[v]);
       for_each_effect<EffectKind::contact>([&]<class Effect>(const auto& contact) {
-        if (touches(contact.correction[v])) {
-          take_back_along(contact.correction[v], inertial, damped);
-        }
+        if (!touches(contact.correction[v])) return;
+        take_back_along(contact.correction[v], damped);
+        take_back_along(contact.correction[v], rate_dual);
       });
-      damped += body_.d[v].v - inertial;
     });
   }
 

@@ -27,6 +27,11 @@ inline constexpr EffectSet smoothed_tissue =
 // With groups of tets for the volume.
 inline constexpr EffectSet grouped_tissue = smoothed_tissue | effect_set<GroupedVolume>;
 
+inline constexpr EffectSet rate_forces = effect_set<Viscosity>;
+// Of the dual variables of a replica, and of messages about a vertex.
+template <EffectSet set>
+inline constexpr int parts_of = (set & rate_forces) != 0 ? 2 : 1;
+
 // What a frame's kernel is given; arrays over the local vertices of all blocks unless said
 // otherwise. A grid runs the blocks of the first member, then those of the next.
 template <class T>
@@ -37,7 +42,7 @@ struct Frame {
   Vec3<T>* u;                        // [members * locals]
   Vec3<T>* v;                        // likewise
   Added<T>* added;                   // likewise, by substeps before
-  Vec3<T>* duals;                    // [members * all replicas]
+  Vec3<T>* duals;                    // [members * all replicas], where rate forces act twice that
   const Vec3<T>* rest;
   const T* inverse_mass;
   const T* mobility;
@@ -50,9 +55,10 @@ struct Frame {
   const int* shared_end;      // [blocks] of those that other blocks have too
   const int* gather_begin;    // [locals + 1]
   const int* gather;          // the same vertex in all blocks, in order; none where it has one
-  Message<T>* messages;       // [members * 2 * locals]
+  Message<T>* messages;       // [members * 2 * locals], where rate forces act two side by side
   unsigned char* touching;    // [members * contacts * locals] at the end of the frame
   unsigned long long* ahead;  // [members] substeps that it has done beyond `done`
+  const int* rate_passes;     // [members] in which rate forces act
   const unsigned char* runs;  // [members] whether it takes part in this launch
   unsigned long long done;    // substeps
   double dt;
@@ -67,6 +73,7 @@ struct Frame {
   bool pushes;  // whether the bound's first part acts within this launch
   int max_locals, max_shared, max_replicas, max_duals, max_gathered, max_table;  // of a block
   int team;                                                                      // lanes that sweep
+  bool damped;                                                                   // rate forces act
   bool linearizes;    // elements before a sweep, side by side: where a phase costs its latency
   bool single_block;  // a block is a whole body
 };
@@ -76,16 +83,24 @@ __host__ __device__ constexpr Count round_up(Count count, Count unit) {
   return (count + unit - 1) / unit * unit;
 }
 
+// What a block tells others of a vertex: its sum over replicas, whose second part is zero but where
+// rate forces act (`parts` == 2).
+template <int parts, class T>
+__device__ void send(Message<T>* messages, int local, const ReplicaSum<T>& sum, unsigned exchange) {
+  Message<T>::send(messages + parts * local, sum.moved, exchange);
+  if constexpr (parts == 2) Message<T>::send(messages + parts * local + 1, sum.by_rates, exchange);
+}
+
 // The sum over a vertex's replicas in all blocks, `from` in order, of which `local` is this one
 // with its `own`. All that are awaited are asked for before the first is taken.
-template <class T>
-__device__ Vec3<T> gathered(const Message<T>* messages, const int* from, const int* from_end,
-                            int local, const Vec3<T>& own, unsigned exchange) {
-  constexpr int batch = 8;
-  Vec3<T> sum;
+template <int parts, class T>
+__device__ ReplicaSum<T> gathered(const Message<T>* messages, const int* from, const int* from_end,
+                                  int local, const ReplicaSum<T>& own, unsigned exchange) {
+  constexpr int batch = 8 / parts;
+  ReplicaSum<T> sum;
 #pragma unroll 1
   for (; from < from_end; from += batch) {
-    Message<T> message[batch];
+    Message<T> message[batch][parts];
     int at[batch];  // `local` where nothing is awaited
     bool waiting[batch];
 #pragma unroll
@@ -96,19 +111,31 @@ __device__ Vec3<T> gathered(const Message<T>* messages, const int* from, const i
     for (bool any = true; any;) {
 #pragma unroll
       for (int k = 0; k < batch; ++k) {
-        if (waiting[k]) message[k] = Message<T>::look(messages + at[k]);
+#pragma unroll
+        for (int part = 0; part < parts; ++part) {
+          if (waiting[k]) message[k][part] = Message<T>::look(messages + parts * at[k] + part);
+        }
       }
       any = false;
 #pragma unroll
       for (int k = 0; k < batch; ++k) {
-        waiting[k] = waiting[k] && !message[k].arrived(exchange);
+        bool arrived = true;
+#pragma unroll
+        for (int part = 0; part < parts; ++part) {
+          arrived = arrived && message[k][part].arrived(exchange);
+        }
+        waiting[k] = waiting[k] && !arrived;
         any = any || waiting[k];
       }
     }
 #pragma unroll
     for (int k = 0; k < batch; ++k) {
-      const Vec3<T> content = at[k] == local ? own : message[k].content();
-      sum += select(from + k < from_end, content, Vec3<T>{});
+      const auto add = [&](int part, const Vec3<T>& of_own, Vec3<T>& to) {
+        const Vec3<T> content = at[k] == local ? of_own : message[k][part].content();
+        to += select(from + k < from_end, content, Vec3<T>{});
+      };
+      add(0, own.moved, sum.moved);
+      if constexpr (parts == 2) add(1, own.by_rates, sum.by_rates);
     }
   }
   return sum;
@@ -117,15 +144,15 @@ __device__ Vec3<T> gathered(const Message<T>* messages, const int* from, const i
 // What a block has in shared memory, array after array.
 template <class T>
 struct BlockMemory {
-  Row<T>*u, *d;            // [replicas]
-  Vec3<T>* duals;          // [replicas of vertices with several]
-  Vec3<T>* v;              // [locals], none where a block is a whole body
-  Vec3<T>* corrections;    // [contacts * locals]
-  T* share;                // [locals]
-  ReplicaRange* replicas;  // [locals]
-  int* from_begin;         // [shared + 1]
-  int* from;               // [gathered]
-  int* table;              // of the element effects' phases
+  Row<T>*u, *d;                // [replicas]
+  Vec3<T>*duals, *rate_duals;  // [replicas of vertices with several], none without rate forces
+  Vec3<T>* v;                  // [locals], none where a block is a whole body
+  Vec3<T>* corrections;        // [contacts * locals]
+  T* share;                    // [locals]
+  ReplicaRange* replicas;      // [locals]
+  int* from_begin;             // [shared + 1]
+  int* from;                   // [gathered]
+  int* table;                  // of the element effects' phases
   unsigned* near_bound;    // [tets / 32] a bit each: whether it is near the bound on compression
   std::uint16_t* watched;  // how many are, and which, counted from the block's first
   unsigned char* views;    // of all effects, one kind after the other
@@ -144,6 +171,7 @@ struct BlockMemory {
     u = take<Row<T>>(at, frame.max_replicas);
     d = take<Row<T>>(at, frame.max_replicas);
     duals = take<Vec3<T>>(at, frame.max_duals);
+    rate_duals = take<Vec3<T>>(at, frame.damped ? frame.max_duals : 0);
     v = take<Vec3<T>>(at, frame.single_block ? 0 : locals);
     corrections = take<Vec3<T>>(at, frame.contacts * locals);
     share = take<T>(at, locals);
@@ -187,6 +215,7 @@ __device__ BlockScene<T> scene_of_block(const Frame<T>& frame, int member, int b
   const bool crushed = frame.bound.acts && !frame.bound.acts[member];
   scene.rule = crushed ? frame.rule.to_first_order() : frame.rule;
   scene.usual_acts = frame.rule.acts;
+  scene.rate_passes = frame.rate_passes[member];
   return scene;
 }
 
@@ -206,12 +235,16 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
   Vec3<T>* const u = frame.u + member * frame.locals + first;
   Vec3<T>* const v = frame.v + member * frame.locals + first;
   Added<T>* const added = frame.added + member * frame.locals + first;
-  Vec3<T>* const duals = frame.duals + member * frame.all_replicas + frame.replica_begin[block];
+  constexpr int parts = parts_of<set>;
+  Vec3<T>* const duals =
+      frame.duals + parts * member * frame.all_replicas + frame.replica_begin[block];
+  Vec3<T>* const rate_duals = duals + frame.all_replicas;
   const BlockMemory<T> own(shared, frame);
   const WorkSpace work{own.work - shared};
   const BlockVertices<T> x{own.u,
                            own.d,
                            own.duals,
+                           own.rate_duals,
                            single_block ? v : own.v,
                            added,
                            own.corrections,
@@ -257,7 +290,9 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     now.for_each_replica([&](int replica) {
       x.u[replica] = now.u;
       x.d[replica].w = mobility;
-      if (now.is_replicated()) x.duals[replica] = duals[replica];
+      if (!now.is_replicated()) return;
+      x.duals[replica] = duals[replica];
+      if constexpr (parts == 2) x.rate_duals[replica] = rate_duals[replica];
     });
     begin_local<set>(scene, step_at(0), x, i, now);
   }
@@ -290,20 +325,21 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
       __syncthreads();
     }
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
-    Message<T>* const messages = frame.messages + (2 * member + (exchange & 1u)) * frame.locals;
+    Message<T>* const messages =
+        frame.messages + (2 * member + (exchange & 1u)) * parts * frame.locals;
     for (int k = first_to_send; k < count; k += lanes) {
       const int i = vertex_at(k);
-      Message<T>::send(messages + first + i, sum_of_replicas(scene, x, VertexNow<T>(x, i)),
-                       exchange);
+      const auto sum = sum_of_replicas<set>(scene, x, VertexNow<T>(x, i));
+      send<parts>(messages, first + i, sum, exchange);
     }
     for (int k = lane; k < count; k += lanes) {
       const int i = vertex_at(k);
       VertexNow<T> now(x, i);
-      Vec3<T> sum;
-      if (now.is_replicated()) sum = sum_of_replicas(scene, x, now);
+      ReplicaSum<T> sum;
+      if (now.is_replicated()) sum = sum_of_replicas<set>(scene, x, now);
       if (i < shared_count) {
-        sum = gathered(messages, own.from + own.from_begin[i], own.from + own.from_begin[i + 1],
-                       first + i, sum, exchange);
+        sum = gathered<parts>(messages, own.from + own.from_begin[i],
+                              own.from + own.from_begin[i + 1], first + i, sum, exchange);
       }
       finish_local<set>(scene, step_at(substep), x, i, sum, now);
       if (substep + 1 < frame.substeps) begin_local<set>(scene, step_at(substep + 1), x, i, now);
@@ -317,7 +353,10 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     u[i] = now.u.v;
     v[i] = now.v;
     if (now.is_replicated()) {
-      now.for_each_replica([&](int replica) { duals[replica] = x.duals[replica]; });
+      now.for_each_replica([&](int replica) {
+        duals[replica] = x.duals[replica];
+        if constexpr (parts == 2) rate_duals[replica] = x.rate_duals[replica];
+      });
     }
     for (int contact = 0; contact < frame.contacts; ++contact) {
       frame.touching[(member * frame.contacts + contact) * frame.locals + first + i] =
@@ -341,36 +380,50 @@ constexpr KernelVariant<T> variant() {
   return {set, max_threads, single_block, run_frame<T, set, max_threads, single_block>};
 }
 
-// All kernels of frames that there are. A run takes the first with its effects and its threads.
+// All kernels of frames that there are. A run takes the first with its effects and its threads;
+// those with rate forces have a second dual variable and a second message for every vertex.
 template <class T>
 inline constexpr std::array<KernelVariant<T>, 0> kernel_variants{};
 template <>
-inline constexpr std::array kernel_variants<float>{variant<float, tissue, min_width, true>(),
-                                                   variant<float, tissue, min_width>(),
-                                                   variant<float, tissue, usual_width>(),
-                                                   variant<float, tissue, max_width>(),
-                                                   variant<float, damped_tissue, min_width, true>(),
-                                                   variant<float, damped_tissue, min_width>(),
-                                                   variant<float, damped_tissue, usual_width>(),
-                                                   variant<float, damped_tissue, max_width>(),
-                                                   variant<float, held_tissue, min_width, true>(),
-                                                   variant<float, held_tissue, min_width>(),
-                                                   variant<float, held_tissue, usual_width>(),
-                                                   variant<float, held_tissue, max_width>(),
-                                                   variant<float, smoothed_tissue, min_width>(),
-                                                   variant<float, grouped_tissue, min_width>(),
-                                                   variant<float, all_effects, min_width>()};
+inline constexpr std::array kernel_variants<float>{
+    variant<float, tissue, min_width, true>(),
+    variant<float, tissue, min_width>(),
+    variant<float, tissue, usual_width>(),
+    variant<float, tissue, max_width>(),
+    variant<float, damped_tissue, min_width, true>(),
+    variant<float, damped_tissue, min_width>(),
+    variant<float, damped_tissue, usual_width>(),
+    variant<float, damped_tissue, max_width>(),
+    variant<float, held_tissue, min_width, true>(),
+    variant<float, held_tissue, min_width>(),
+    variant<float, held_tissue, usual_width>(),
+    variant<float, held_tissue, max_width>(),
+    variant<float, smoothed_tissue & ~rate_forces, min_width>(),
+    variant<float, smoothed_tissue, min_width>(),
+    variant<float, grouped_tissue & ~rate_forces, min_width>(),
+    variant<float, grouped_tissue, min_width>(),
+    variant<float, all_effects, min_width>()};
 template <>
 inline constexpr std::array kernel_variants<double>{
-    variant<double, tissue, min_width>(),         variant<double, damped_tissue, min_width>(),
-    variant<double, held_tissue, min_width>(),    variant<double, smoothed_tissue, min_width>(),
-    variant<double, grouped_tissue, min_width>(), variant<double, all_effects, min_width>()};
+    variant<double, tissue, min_width>(),
+    variant<double, damped_tissue, min_width>(),
+    variant<double, held_tissue, min_width>(),
+    variant<double, smoothed_tissue & ~rate_forces, min_width>(),
+    variant<double, smoothed_tissue, min_width>(),
+    variant<double, grouped_tissue, min_width>(),
+    variant<double, all_effects, min_width>()};
 
+// The effects of the kernel that runs the named ones.
+template <class T>
+EffectSet set_for(EffectSet named) {
+  return std::find_if(kernel_variants<T>.begin(), kernel_variants<T>.end(),
+                      [&](const auto& one) { return (named & ~one.effects) == 0; })
+      ->effects;
+}
 template <class T>
 auto kernel_for(EffectSet named, int threads, bool single_block) {
-  const auto fits = [&](const KernelVariant<T>& one) {
-    return (named & ~one.effects) == 0 && threads <= one.max_threads &&
-           single_block == one.single_block;
+  const auto fits = [&, set = set_for<T>(named)](const KernelVariant<T>& one) {
+    return one.effects == set && threads <= one.max_threads && single_block == one.single_block;
   };
   const auto found = std::find_if(kernel_variants<T>.begin(), kernel_variants<T>.end(), fits);
   VISCERA_ASSERT(found != kernel_variants<T>.end(), "no kernel of " << threads << " threads");

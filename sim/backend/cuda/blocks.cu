@@ -10,6 +10,7 @@
 #include "sim/backend/cuda/blocks.hpp"
 #include "sim/backend/cuda/device_elements.cuh"
 #include "sim/backend/cuda/memory.cuh"
+#include "sim/solvers/xpbd/damping_choice.hpp"
 
 namespace viscera::sim {
 
@@ -46,15 +47,19 @@ constexpr int longest_launch = 1024;
 template <class T>
 class CudaBlocks final : public Ensemble {
  public:
-  CudaBlocks(const Model& model, const Scene& scene, const TimeStep& time_step, int tets_per_block,
-             int members, std::string name, std::function<void()> pause_point)
+  CudaBlocks(const Model& model, const Scene& scene, const SolverOptions& options,
+             int tets_per_block, int members, std::string name)
       : name_(std::move(name)),
-        pause_point_(std::move(pause_point)),
+        options_(options),
         members_(members),
-        program_(model, scene, time_step),
+        program_(model, scene, time_step_of(scene, options)),
         layout_(model, program_, tets_per_block, team_of(model, program_, tets_per_block)) {
+    frame_.damped = (set_for<T>(named_in(program_)) & rate_forces) != 0;
     BoundedTets<T> bounded(model, scene, Method::xpbd);
     require_device_memory(bytes_needed(bounded));
+    if (frame_.damped) take_values(model, scene);
+    const std::vector<int> passes(members_, program_.viscous_step.passes);
+    frame_.rate_passes = (rate_passes_ = DeviceArray<int>(passes)).get();
     frame_.dt = program_.dt;
     frame_.rule = program_.rule;
     frame_.locals = local_count();
@@ -97,8 +102,8 @@ class CudaBlocks final : public Ensemble {
                 cast_all<double>(gathered(v_.download(first, locals))),
                 step_ + ahead_.download(member, 1)[0]};
     program_.save_added(gathered(added_.download(first, locals)), state);
-    const std::size_t replicas = frame_.all_replicas;
-    state.duals = cast_all<double>(duals_.download(member * replicas, replicas));
+    const std::size_t duals = dual_count();
+    state.duals = cast_all<double>(duals_.download(member * duals, duals));
     save_history(own_, state, member);
     return state;
   }
@@ -108,8 +113,8 @@ class CudaBlocks final : public Ensemble {
     v_.upload(spread(cast_all<T>(state.v)), member * locals);
     added_.upload(spread(program_.added_before(state)), member * locals);
     has_begun_[member] = 1;
-    const std::size_t replicas = frame_.all_replicas;
-    duals_.upload(state.duals_for<T>(replicas), member * replicas);
+    const std::size_t duals = dual_count();
+    duals_.upload(state.duals_for<T>(duals), member * duals);
     ahead_.upload({state.step - step_}, member);
     clear_messages(member, 1);
     load_history(own_, state, member);
@@ -117,7 +122,8 @@ class CudaBlocks final : public Ensemble {
   }
   void retune(int member, const Model& model, const Scene& scene) override {
     check_scene(scene);
-    program_.retune({model, scene, program_.time_step});
+    take_values(model, scene);
+    rate_passes_.upload({program_.viscous_step.passes}, member);
     if (!has_begun_[member]) begin_still(member);
     const double cs = assess(model, scene).cs_max;
     bound_->set_model(member, model);
@@ -163,14 +169,18 @@ class CudaBlocks final : public Ensemble {
     }
     return count;
   }
+  ActingDamping damping() const override {
+    return {false, program_.viscous_step.passes, layout_.split().replica_counts()};
+  }
   std::string device() const override { return "cuda, " + name_; }
   bool off_host() const override { return true; }
   SubstepWork substep_work() const override {
     const double row = sizeof(Row<T>), vector = sizeof(Vec3<T>);
-    // A vertex: v; a replica: u, d and its dual variable; between blocks: messages out and in.
+    // A vertex: v; a replica: u, d and its dual variables; between blocks: messages out and in.
     SubstepWork work{
-        .shared_bytes = 2.0 * vector * local_count() + (3.0 * row + 2.0 * vector) * replica_count(),
-        .global_bytes = 2.0 * sizeof(Message<T>) * static_cast<double>(gather_.size()) +
+        .shared_bytes = 2.0 * vector * (local_count() + static_cast<double>(dual_count())) +
+                        3.0 * row * replica_count(),
+        .global_bytes = 2.0 * parts() * sizeof(Message<T>) * static_cast<double>(gather_.size()) +
                         2.0 * sizeof(Added<T>) * local_count()};
     for_each_slot<EffectKind::element>(own_, [&]<class Effect>(const auto& own) {
       using Resident = ResidentConstants<Effect, T>;
@@ -198,14 +208,19 @@ class CudaBlocks final : public Ensemble {
     ViewArray<Effect> array;
   };
 
+  void take_values(const Model& model, const Scene& scene) {
+    program_.retune({model, scene, program_.time_step,
+                     damping_force_for(model, scene, options_, layout_.split().replica_counts())});
+  }
+
   // Of the large arrays, if every member has materials of its own.
   std::size_t bytes_needed(const BoundedTets<T>& bounded) const {
     const std::size_t locals = local_count();
     const std::size_t vertex_state =
-        locals * (2 * sizeof(Vec3<T>) + sizeof(Added<T>)) + replica_count() * sizeof(Vec3<T>);
+        locals * (2 * sizeof(Vec3<T>) + sizeof(Added<T>)) + dual_count() * sizeof(Vec3<T>);
     const int copies_of_state = bounded.vertices.empty() ? 1 : 2;
     std::size_t shared = locals * (sizeof(Vec3<T>) + 3 * sizeof(T) + 4 * sizeof(int));
-    std::size_t own = copies_of_state * vertex_state + 2 * locals * sizeof(Message<T>) +
+    std::size_t own = copies_of_state * vertex_state + 2 * parts() * locals * sizeof(Message<T>) +
                       bounded.vertices.size() * sizeof(T);
     for_each_slot<EffectKind::element>(program_.effects, [&]<class Effect>(const auto& effect) {
       const std::size_t elements = effect.rest.size();
@@ -246,10 +261,10 @@ class CudaBlocks final : public Ensemble {
     has_begun_.assign(members_, 0);
     for (int member = 0; member < members_; ++member) begin_still(member);
     frame_.all_replicas = replica_count();
-    frame_.duals = (duals_ = DeviceArray<Vec3<T>>(members_ * replica_count())).get();
+    frame_.duals = (duals_ = DeviceArray<Vec3<T>>(members_ * dual_count())).get();
     frame_.replica_begin = (replica_begin_ = DeviceArray<int>(replica_begin)).get();
     frame_.replicated = (replicated_ = DeviceArray<int>(replicated)).get();
-    frame_.messages = (messages_ = DeviceArray<Message<T>>(2 * all)).get();
+    frame_.messages = (messages_ = DeviceArray<Message<T>>(2 * parts() * all)).get();
     frame_.ahead = (ahead_ = DeviceArray<unsigned long long>(members_)).get();
     chosen_.assign(members_, 1);
     frame_.runs = (runs_ = DeviceArray<unsigned char>(chosen_)).get();
@@ -405,7 +420,7 @@ class CudaBlocks final : public Ensemble {
 
   void run_whole_frame() {
     for (int first = 0; first < program_.substeps; first += longest_launch) {
-      pause_point_();
+      options_.pause_point();
       frame_.pushes = !bound_->is_empty();
       launch_substeps(first, std::min(program_.substeps - first, longest_launch));
       stream_.finish("running a frame");
@@ -413,7 +428,7 @@ class CudaBlocks final : public Ensemble {
   }
   void run_by_substeps(const Members& members) {
     for (int substep = 0; substep < program_.substeps; ++substep) {
-      pause_point_();
+      options_.pause_point();
       frame_.pushes = false;  // the whole bound follows
       launch_substeps(substep, 1);
       bound_->correct(members, stream_);
@@ -466,8 +481,8 @@ class CudaBlocks final : public Ensemble {
   }
   // Messages of an exchange that is to come again must not be taken for it.
   void clear_messages(int first, int members) {
-    const std::size_t locals = local_count();
-    messages_.clear(2 * first * locals, 2 * members * locals);
+    const std::size_t each = 2 * parts() * static_cast<std::size_t>(local_count());
+    messages_.clear(first * each, members * each);
   }
 
   // Blocks of a member wait for one another, so all of them run at once: as many members at a time
@@ -513,12 +528,15 @@ class CudaBlocks final : public Ensemble {
     return locals;
   }
 
+  // Of dual variables of a replica, and of messages about a vertex.
+  int parts() const { return frame_.damped ? 2 : 1; }
+  std::size_t dual_count() const { return static_cast<std::size_t>(parts()) * replica_count(); }
   int replica_count() const { return layout_.replicas_in(layout_.block_count() - 1).end; }
   int local_count() const { return static_cast<int>(layout_.locals().size()); }
   int vertex_count() const { return static_cast<int>(program_.rest.size()); }
 
   std::string name_;
-  std::function<void()> pause_point_;
+  SolverOptions options_;
   int members_;
   int at_once_ = 0;     // members
   Program<T> program_;  // of the member that was tuned last
@@ -537,8 +555,8 @@ class CudaBlocks final : public Ensemble {
   DeviceArray<Added<T>> added_;
   DeviceArray<T> inverse_mass_, mobility_, share_;
   DeviceArray<ReplicaRange> replicas_;
-  DeviceArray<int> leader_, local_begin_, replica_begin_, replicated_, shared_end_, gather_begin_,
-      gather_;
+  DeviceArray<int> rate_passes_, leader_, local_begin_, replica_begin_, replicated_, shared_end_,
+      gather_begin_, gather_;
   DeviceArray<Message<T>> messages_;
   DeviceArray<unsigned char> touching_;
   DeviceArray<unsigned long long> ahead_;
@@ -565,13 +583,11 @@ std::unique_ptr<Ensemble> make_cuda_blocks(const Model& model, const Scene& scen
   const int wanted =
       options.block_tets > 0 ? options.block_tets : std::clamp(shared_out, min_block, max_wanted);
   const int tets_per_block = std::max(wanted, tets_in_each_of(processors));
-  const TimeStep time_step = time_step_of(scene, options);
   if (options.precision == Precision::fp64) {
-    return std::make_unique<CudaBlocks<double>>(model, scene, time_step, tets_per_block, members,
-                                                name, options.pause_point);
+    return std::make_unique<CudaBlocks<double>>(model, scene, options, tets_per_block, members,
+                                                name);
   }
-  return std::make_unique<CudaBlocks<float>>(model, scene, time_step, tets_per_block, members, name,
-                                             options.pause_point);
+  return std::make_unique<CudaBlocks<float>>(model, scene, options, tets_per_block, members, name);
 }
 
 }  // namespace viscera::sim

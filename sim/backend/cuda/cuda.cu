@@ -93,8 +93,9 @@ class CudaSolver final : public Solver {
         [&count]<class Effect>(const auto& effect) { count += effect.count(); });
     return count;
   }
-  bool solves_damping() const override { return static_cast<bool>(program_.viscous_step); }
-  int damping_passes() const override { return program_.viscous_step.passes; }
+  ActingDamping damping() const override {
+    return {static_cast<bool>(program_.viscous_step), program_.viscous_step.passes};
+  }
   double unsettled_force() const override {
     if (!layout_.holds) return 0.0;
     const auto added = added_.download();

@@ -12,15 +12,19 @@
 // (Lie splitting). The force is taken in full, not through a multiplier, of which one sweep gives
 // smooth motion only half. Each tet's share is a contraction in the norm of the masses while
 //
-//   2 eta dt V |F|^2 s <= 2,   s the largest eigenvalue of sum_i b_i b_i^T / m_i
+//   2 eta dt V c s <= 2,   c the largest eigenvalue of C = F^T F, s that of sum_i b_i b_i^T / m_i
 //
 // (with q_i = sqrt(m_i) d_i and p_i = b_i / sqrt(m_i) its work is 2 eta V / dt |sym(F^T sum q_i
-// p_i^T)|^2, and |sum q_i p_i^T|^2 <= s sum |q_i|^2) and eta is lowered, tet by tet and at its
-// present F, to keep the left side below `bound`: whatever the damping, the mesh and the
-// deformation, energy is never added. More substeps lift the limit.
+// p_i^T)|^2, |F^T A|^2 <= c |A|^2 and |sum q_i p_i^T|^2 <= s sum |q_i|^2) and eta is lowered, tet
+// by tet and at its present F, to keep the left side below `bound`: whatever the damping, the mesh
+// and the deformation, energy is never added. More substeps lift the limit. For c stands tr C / 3 +
+// sqrt(2/3) |dev C|, no eigenvalue is larger (Wolkowicz and Styan, "Bounds for Eigenvalues Using
+// Traces", Linear Algebra Appl. 29, 1980, theorem 2.1): 1 at rest, and c itself where the body is
+// stretched along one axis.
 #pragma once
 
 #include <algorithm>
+#include <span>
 
 #include "sim/effects/laws/neo_hookean.hpp"
 
@@ -33,6 +37,11 @@ struct Viscosity {
   static constexpr int arity = 4;
   static constexpr int rows = 0;
   static constexpr double bound = 1.5;
+  // On vertices without replicas eta is lowered three times as much as it must be. Nearer to the
+  // bound one sweep damps less than is asked all the same (xpbd/viscous_step.hpp), and the fastest
+  // modes, which Jacobi and PBD do not damp, are fed: by Jacobi a mass ratio of 1e4 took off. In
+  // blocks the replicas' shares of the mass would else take most of the damping away.
+  static constexpr double caution = 3.0;
   static constexpr double max_resistance = 25.0;
   static constexpr bool needs_rate = true;
   static constexpr bool linear_in_motion = true;  // F is that of the start of the step
@@ -44,27 +53,37 @@ struct Viscosity {
   struct Rest {
     Mat3<T> rest_inverse;  // B, 1/m
     T strength;            // 2 eta V / dt, J
-    T number;              // 2 eta dt V s
+    T number;              // 2 eta dt V s, on vertices without replicas times `caution`
   };
 
   static const std::vector<Tet>& elements(const Model& model, const Params&) { return model.tets; }
 
-  // 2 eta dt V s for the material's full eta; eta is lowered at rest above bound / 3.
-  static double explicit_number(const Model& model, std::size_t tet, double dt) {
-    const Material material = model.material(tet);
-    const Mat3<double> b = transpose(model.rest_inverse[tet]);
+  // The largest eigenvalue of sum_i w_i b_i b_i^T, for w_i = 1 / m_i it is s.
+  static double spread(const Mat3<double>& rest_inverse, const double (&weight)[4]) {
+    const Mat3<double> b = transpose(rest_inverse);
     const Vec3<double> gradients[4] = {-(b.col[0] + b.col[1] + b.col[2]), b.col[0], b.col[1],
                                        b.col[2]};
     Mat3<double> sum{};
     for (int i = 0; i < 4; ++i) {
       const Vec3<double>& g = gradients[i];
-      const Vec3<double> over = (1.0 / model.mass[model.tets[tet][i]]) * g;
+      const Vec3<double> over = weight[i] * g;
       sum.col[0] += g.x * over;
       sum.col[1] += g.y * over;
       sum.col[2] += g.z * over;
     }
+    return largest_eigenvalue(sum);
+  }
+  // 2 eta dt V s for the material's full eta. `replicas` of each vertex share its mass; empty: one.
+  static double explicit_number(const Model& model, std::size_t tet, double dt,
+                                std::span<const int> replicas = {}) {
+    const Material material = model.material(tet);
+    double weight[4];
+    for (int i = 0; i < 4; ++i) {
+      const int v = model.tets[tet][i];
+      weight[i] = (replicas.empty() ? 1 : replicas[v]) / model.mass[v];
+    }
     return 2.0 * lame(material).mu * material.damping * dt * model.volume[tet] *
-           largest_eigenvalue(sum);
+           spread(model.rest_inverse[tet], weight);
   }
 
   template <class T>
@@ -72,7 +91,7 @@ struct Viscosity {
                       double dt) {
     const Material material = model.material(tet);
     const double strength = 2.0 * lame(material).mu * material.damping * model.volume[tet] / dt;
-    const double number = explicit_number(model, tet, dt);
+    const double number = caution * explicit_number(model, tet, dt);
     // What is lowered is the same for both scaled alike, and single precision ends at 3e38.
     const double kept = 1.0 / std::max(1.0, 1e-30 * std::max(strength, number));
     return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
@@ -104,17 +123,19 @@ struct Viscosity {
     rest.number *= share;
   }
 
-  // On replicas of the vertices with a share of their mass, `replicas` of each at most.
+  // On vertices, or replicas of them, with mobilities dt^2 / m of their own, s2/kg.
   template <class T>
-  static void lighten(Rest<T>& rest, T replicas) {
-    rest.number *= replicas;
+  static void lighten(Rest<T>& rest, const T (&mobility)[arity]) {
+    double weight[arity];
+    std::copy(mobility, mobility + arity, weight);
+    rest.number = static_cast<T>(rest.strength * spread(cast<double>(rest.rest_inverse), weight));
   }
 
   template <class T>
   SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> u[4], const Vec3<T> d[4],
                               Evaluation<T, rows, arity>& out) {
     const Mat3<T> f = plus_identity(T(1), displacement_gradient(u, rest.rest_inverse));
-    const T number = rest.number * squared_norm(f);
+    const T number = rest.number * largest_of_square(f);
     const T lowered = select(number > T(bound), T(bound) / number, T(1));
     act(lowered * rest.strength, f, displacement_gradient(d, rest.rest_inverse), rest, out);
   }
@@ -137,6 +158,18 @@ struct Viscosity {
   }
 
  private:
+  // No eigenvalue of F^T F is larger.
+  template <class T>
+  SIM_HD static T largest_of_square(const Mat3<T>& f) {
+    const T xx = dot(f.col[0], f.col[0]), yy = dot(f.col[1], f.col[1]),
+            zz = dot(f.col[2], f.col[2]);
+    const T xy = dot(f.col[0], f.col[1]), yz = dot(f.col[1], f.col[2]),
+            zx = dot(f.col[2], f.col[0]);
+    const T mean = T(1.0 / 3.0) * (xx + yy + zz);
+    const T x = xx - mean, y = yy - mean, z = zz - mean;
+    const T deviation = x * x + y * y + z * z + T(2) * (xy * xy + yz * yz + zx * zx);
+    return mean + square_root(T(2.0 / 3.0) * deviation);
+  }
   template <class T>
   SIM_HD static void act(T strength, const Mat3<T>& f, const Mat3<T>& df, const Rest<T>& rest,
                          Evaluation<T, rows, arity>& out) {

@@ -13,17 +13,26 @@ namespace viscera::sim {
 // XPBD by Gauss-Seidel. The other schemes do not damp the fastest modes, which what resists a
 // change of volume feeds: TLED's bars of nu .49 flew apart. They take damping as a force, lowered
 // where it is too strong for their substeps.
-inline ViscousStep damping_for(const Model& model, const Scene& scene,
-                               const SolverOptions& options) {
+inline ViscousStep damping_for(const Model& model, const Scene& scene, const SolverOptions& options,
+                               std::span<const int> replicas = {}) {
   const bool solves = options.method == Method::xpbd && options.scheme != Scheme::jacobi;
-  const double acts_s = acting_time(scene.time.substep_s(), time_step_of(scene, options));
-  return solves ? ViscousStep::of(model, scene, acts_s) : ViscousStep{};
+  return solves ? ViscousStep::of(model, scene, acting_time_of(scene, options), replicas)
+                : ViscousStep{};
 }
 
-// What a backend runs of a scene.
+// Where damping cannot be solved for: a force, in as many passes as come nearest.
+inline ViscousStep damping_force_for(const Model& model, const Scene& scene,
+                                     const SolverOptions& options,
+                                     std::span<const int> replicas = {}) {
+  const ViscousStep step = damping_for(model, scene, options, replicas);
+  return {.passes = step ? ViscousStep::max_passes : step.passes, .dt = step.dt};
+}
+
+// What a backend runs of a scene, on so many replicas of a vertex; empty: one.
 template <class T>
-Program<T> program_for(const Model& model, const Scene& scene, const SolverOptions& options) {
-  return {model, scene, time_step_of(scene, options), damping_for(model, scene, options)};
+Program<T> program_for(const Model& model, const Scene& scene, const SolverOptions& options,
+                       std::span<const int> replicas = {}) {
+  return {model, scene, time_step_of(scene, options), damping_for(model, scene, options, replicas)};
 }
 
 // What a backend keeps of an effect takes over its new numbers, where it lies; where damping is

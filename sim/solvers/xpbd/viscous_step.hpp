@@ -46,6 +46,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "sim/model/model.hpp"
@@ -59,9 +60,9 @@ struct ViscousStep {
   static constexpr double tolerance = 0.1;  // |r| at the end over the change of v
   static constexpr int max_iterations = 1000;
   // An explicit force is enough where it gives this share of the damping, in at most so many
-  // passes. The ratio lacks about twice what the force lacks: of bars and cubes of 5 and 264 kPa,
-  // 3, 7 to 13, and 22 % where the share is .98, .95, and .88 or .83. Not more than that: livers of
-  // 5 kPa reach .96 in two passes, and solved for, a frame of theirs takes twice as long.
+  // passes. The ratio lacks about twice what the share lacks, as of bars and cubes of 5 and 264 kPa
+  // (docs/results/physics.md). Not more than that: livers of 5 kPa reach .96 in two passes, and
+  // solved for, a frame of theirs takes twice as long.
   static constexpr double explicit_share = 0.95;
   // Nearer to incompressible than L knows (Viscosity::max_resistance, nu .49) a share of so much
   // is: what is solved for leaves fast changes of volume, which sweeps then feed (nu .4999 shook).
@@ -79,8 +80,10 @@ struct ViscousStep {
   bool is_due(std::uint64_t step) const { return interval > 0 && step % interval == 0; }
   explicit operator bool() const { return interval > 0; }
 
-  // What a scene needs where forces act over acts_s in a substep.
-  static ViscousStep of(const Model& model, const Scene& scene, double acts_s);
+  // What a scene needs where forces act over acts_s in a substep, on so many replicas of a vertex;
+  // empty: one.
+  static ViscousStep of(const Model& model, const Scene& scene, double acts_s,
+                        std::span<const int> replicas = {});
 };
 
 // 1/s, that of the first bending mode of a bar with the body's principal extents, its mean Young's
@@ -117,24 +120,26 @@ inline double slowest_frequency(const Model& model) {
   return 1.015 * std::sqrt(12.0 * least) / (12.0 * largest) * speed;
 }
 
-// What an explicit force gives of the damping that a scene asks for, at rest: on tets that are too
-// small and stiff for the substep it is lowered to stay stable (effects/laws/viscosity.hpp).
-// Weighted by eta V.
+// What an explicit force gives of the damping that a scene asks for, at rest: tets that are too
+// small and stiff for the substep give less, those whose vertices have several replicas the least
+// (effects/laws/viscosity.hpp). Weighted by eta V.
 struct ExplicitDamping {
+  // Up to this number of Viscosity's a tet gives all of it: measured, by colours and in blocks.
+  static constexpr double accurate = Viscosity::bound / Viscosity::caution;
   double share = 1.0;    // of the damping
-  double lowered = 0.0;  // share of the tets
+  double lowered = 0.0;  // share of the tets that give less
 
-  static ExplicitDamping of(const Model& model, double acts_s) {
+  static ExplicitDamping of(const Model& model, double acts_s, std::span<const int> replicas = {}) {
     ExplicitDamping result;
     double asked = 0.0, acting = 0.0, tets = 0.0;
     for (std::size_t t = 0; t < model.tet_count(); ++t) {
-      const double number = 3.0 * Viscosity::explicit_number(model, t, acts_s);
+      const double number = Viscosity::explicit_number(model, t, acts_s, replicas);
       const Material material = model.material(t);
       const double own = lame(material).mu * material.damping * model.volume[t];
-      const bool is_lowered = number > Viscosity::bound;
+      const bool is_lowered = number > accurate;
       tets += is_lowered;
       asked += own;
-      acting += is_lowered ? own * Viscosity::bound / number : own;
+      acting += is_lowered ? own * accurate / number : own;
     }
     if (asked > 0.0) result.share = acting / asked;
     result.lowered = tets / static_cast<double>(model.tet_count());
@@ -142,7 +147,8 @@ struct ExplicitDamping {
   }
 };
 
-inline ViscousStep ViscousStep::of(const Model& model, const Scene& scene, double acts_s) {
+inline ViscousStep ViscousStep::of(const Model& model, const Scene& scene, double acts_s,
+                                   std::span<const int> replicas) {
   const double dt = scene.time.substep_s();
   ViscousStep step{.dt = dt};
   if (!scene.has<Viscosity>()) return step;
@@ -154,7 +160,7 @@ inline ViscousStep ViscousStep::of(const Model& model, const Scene& scene, doubl
   const double share = compressible ? explicit_share : explicit_share_if_incompressible;
   for (int passes = 1; passes <= max_passes; ++passes) {
     step.passes = passes;
-    if (ExplicitDamping::of(model, acts_s / passes).share >= share) return step;
+    if (ExplicitDamping::of(model, acts_s / passes, replicas).share >= share) return step;
   }
   step.passes = 1;
   const double longest = std::min(scene.time.frame_s / per_frame,

@@ -65,6 +65,72 @@ TEST(Viscosity, ItsBoundIsThatOfTheWayInWhichATetGivesWayMost) {
   }
 }
 
+// On single vertices and on replicas that share their mass, one as many as the vertex has elements.
+TEST(Viscosity, AtItsBoundItAddsNoEnergyAtAnyDeformation) {
+  Material honey = soft_tissue;
+  honey.damping = 100.0;
+  const Model model = make_box({0.05, 0.02, 0.03}, {2, 1, 1}, honey);
+  constexpr double dt = 1e-3;
+  std::vector<int> replicas(model.vertex_count());
+  for (std::size_t v = 0; v < replicas.size(); ++v) replicas[v] = 1 + static_cast<int>(v % 4);
+  std::mt19937 generator(15);
+  std::uniform_real_distribution<double> size(0.0, 2.0);
+  double most = 0.0;  // |d + M^-1 p|^2 over |d|^2, by the masses
+  for (std::size_t tet = 0; tet < model.tet_count(); ++tet) {
+    const Tet& corners = model.tets[tet];
+    double mobility[4];
+    for (int i = 0; i < 4; ++i) {
+      mobility[i] = dt * dt * replicas[corners[i]] / model.mass[corners[i]];
+    }
+    auto rest = Viscosity::rest<double>(model, model.tets, tet, {}, dt);
+    Viscosity::lighten(rest, mobility);
+    const double number = Viscosity::explicit_number(model, tet, dt, replicas);
+    EXPECT_NEAR(rest.number, number, 1e-12 * number);
+    ASSERT_GT(rest.number, 10.0 * Viscosity::bound);
+    for (int trial = 0; trial < 2000; ++trial) {
+      Vec3<double> u[4], d[4];
+      const double far = 0.05 * std::pow(size(generator), 3);
+      for (int i = 0; i < 4; ++i) {
+        u[i] = random_vector(generator, far);
+        d[i] = random_vector(generator, 1e-4);
+      }
+      Evaluation<double, 0, 4> out;
+      Viscosity::evaluate(rest, u, d, out);
+      double before = 0.0, after = 0.0;
+      for (int i = 0; i < 4; ++i) {
+        before += dot(d[i], d[i]) / mobility[i];
+        const Vec3<double> now = d[i] + mobility[i] * out.preload[i];
+        after += dot(now, now) / mobility[i];
+      }
+      most = std::max(most, after / before);
+    }
+  }
+  EXPECT_LE(most, 1.0);
+}
+
+TEST(Viscosity, AtRestAndStretchedAlongOneAxisItIsLoweredNoMoreThanItsBoundAsks) {
+  Material honey = soft_tissue;
+  honey.damping = 100.0;
+  const Model model = make_cube(1, honey);
+  auto rest = Viscosity::rest<double>(model, model.tets, 0, {}, 1e-3);
+  for (const double stretch : {1.0, 3.0}) {
+    Vec3<double> u[4], d[4];
+    std::mt19937 generator(16);
+    for (int i = 0; i < 4; ++i) {
+      u[i] = {(stretch - 1.0) * model.rest[model.tets[0][i]].x, 0.0, 0.0};
+      d[i] = random_vector(generator, 1e-4);
+    }
+    Evaluation<double, 0, 4> lowered, full;
+    Viscosity::evaluate(rest, u, d, lowered);
+    Viscosity::evaluate_in_full<false>(rest, u, d, full);
+    const double share = Viscosity::bound / (rest.number * stretch * stretch);
+    ASSERT_LT(share, 0.5);
+    for (int i = 0; i < 4; ++i) {
+      EXPECT_LE(norm(lowered.preload[i] - share * full.preload[i]), 1e-10 * norm(full.preload[i]));
+    }
+  }
+}
+
 // A strength that single precision cannot hold is kept together with its bound.
 TEST(Viscosity, SinglePrecisionHoldsAStrengthBeyondItsRange) {
   Material rigid = soft_tissue;
