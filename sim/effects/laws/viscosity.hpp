@@ -17,10 +17,13 @@
 // (with q_i = sqrt(m_i) d_i and p_i = b_i / sqrt(m_i) its work is 2 eta V / dt |sym(F^T sum q_i
 // p_i^T)|^2, |F^T A|^2 <= c |A|^2 and |sum q_i p_i^T|^2 <= s sum |q_i|^2) and eta is lowered, tet
 // by tet and at its present F, to keep the left side below `bound`: whatever the damping, the mesh
-// and the deformation, energy is never added. More substeps lift the limit. For c stands tr C / 3 +
-// sqrt(2/3) |dev C|, no eigenvalue is larger (Wolkowicz and Styan, "Bounds for Eigenvalues Using
-// Traces", Linear Algebra Appl. 29, 1980, theorem 2.1): 1 at rest, and c itself where the body is
-// stretched along one axis.
+// and the deformation, energy is never added. More substeps lift the limit. In blocks, where
+// replicas share the mass, c is tr C / 3 + sqrt(2/3) |dev C|; no eigenvalue is larger (Wolkowicz
+// and Styan, "Bounds for Eigenvalues Using Traces", Linear Algebra Appl. 29, 1980, theorem 2.1). It
+// is 1 at rest, and exact where the body is stretched along one axis. On vertices without replicas
+// c is |F|^2, three times as much at rest: nearer to the bound one sweep damps less than is asked
+// all the same (xpbd/viscous_step.hpp), and the fastest modes, which Jacobi and PBD do not damp,
+// are fed.
 #pragma once
 
 #include <algorithm>
@@ -37,11 +40,6 @@ struct Viscosity {
   static constexpr int arity = 4;
   static constexpr int rows = 0;
   static constexpr double bound = 1.5;
-  // On vertices without replicas eta is lowered three times as much as it must be. Nearer to the
-  // bound one sweep damps less than is asked all the same (xpbd/viscous_step.hpp), and the fastest
-  // modes, which Jacobi and PBD do not damp, are fed: by Jacobi a mass ratio of 1e4 took off. In
-  // blocks the replicas' shares of the mass would else take most of the damping away.
-  static constexpr double caution = 3.0;
   static constexpr double max_resistance = 25.0;
   static constexpr bool needs_rate = true;
   static constexpr bool linear_in_motion = true;  // F is that of the start of the step
@@ -53,7 +51,8 @@ struct Viscosity {
   struct Rest {
     Mat3<T> rest_inverse;  // B, 1/m
     T strength;            // 2 eta V / dt, J
-    T number;              // 2 eta dt V s, on vertices without replicas times `caution`
+    T number;              // 2 eta dt V s, on replicas; else 0
+    T cautious;            // likewise, on vertices without replicas
   };
 
   static const std::vector<Tet>& elements(const Model& model, const Params&) { return model.tets; }
@@ -91,12 +90,13 @@ struct Viscosity {
                       double dt) {
     const Material material = model.material(tet);
     const double strength = 2.0 * lame(material).mu * material.damping * model.volume[tet] / dt;
-    const double number = caution * explicit_number(model, tet, dt);
+    const double number = explicit_number(model, tet, dt);
     // What is lowered is the same for both scaled alike, and single precision ends at 3e38.
     const double kept = 1.0 / std::max(1.0, 1e-30 * std::max(strength, number));
     return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
             .strength = static_cast<T>(kept * strength),
-            .number = static_cast<T>(kept * number)};
+            .number = T(0),
+            .cautious = static_cast<T>(kept * number)};
   }
 
   // For those who solve for what it does and need no bound (solvers/xpbd/viscous_step.hpp):
@@ -113,14 +113,14 @@ struct Viscosity {
   template <class T>
   static void divide(Rest<T>& rest, T passes) {
     rest.strength *= T(1) / passes;
-    rest.number *= T(1) / passes;
+    rest.cautious *= T(1) / passes;
   }
 
   // For a time `share` times as long as it was made for.
   template <class T>
   static void stretch(Rest<T>& rest, T share) {
     rest.strength /= share;
-    rest.number *= share;
+    rest.cautious *= share;
   }
 
   // On vertices, or replicas of them, with mobilities dt^2 / m of their own, s2/kg.
@@ -128,6 +128,7 @@ struct Viscosity {
   static void lighten(Rest<T>& rest, const T (&mobility)[arity]) {
     double weight[arity];
     std::copy(mobility, mobility + arity, weight);
+    rest.cautious = T(0);
     rest.number = static_cast<T>(rest.strength * spread(cast<double>(rest.rest_inverse), weight));
   }
 
@@ -135,7 +136,7 @@ struct Viscosity {
   SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> u[4], const Vec3<T> d[4],
                               Evaluation<T, rows, arity>& out) {
     const Mat3<T> f = plus_identity(T(1), displacement_gradient(u, rest.rest_inverse));
-    const T number = rest.number * largest_of_square(f);
+    const T number = rest.number * largest_of_square(f) + rest.cautious * squared_norm(f);
     const T lowered = select(number > T(bound), T(bound) / number, T(1));
     act(lowered * rest.strength, f, displacement_gradient(d, rest.rest_inverse), rest, out);
   }

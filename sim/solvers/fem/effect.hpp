@@ -133,7 +133,7 @@ class EffectTerm final : public FemTerm {
       Effect::stretch(own, (is_rate_force<Effect> ? fields.step.dt : fields.whole_s) / prepared_s_);
     }
     // An implicit step is stable whatever the viscosity.
-    if constexpr (requires { own.number; }) own.number = 0.0;
+    if constexpr (requires { own.cautious; }) own.cautious = 0.0;
     return own;
   }
   const double* history_of_element(std::size_t e) const {

@@ -124,8 +124,9 @@ inline double slowest_frequency(const Model& model) {
 // small and stiff for the substep give less, those whose vertices have several replicas the least
 // (effects/laws/viscosity.hpp). Weighted by eta V.
 struct ExplicitDamping {
-  // Up to this number of Viscosity's a tet gives all of it: measured, by colours and in blocks.
-  static constexpr double accurate = Viscosity::bound / Viscosity::caution;
+  // Up to this number of Viscosity's a tet gives all of it: by colours the limit, |F|^2 being 3,
+  // and in blocks measured.
+  static constexpr double accurate = Viscosity::bound / 3.0;
   double share = 1.0;    // of the damping
   double lowered = 0.0;  // share of the tets that give less
 
