@@ -54,7 +54,7 @@ template <class Effect>
 void element_force(typename Effect::template Rest<double> rest, const double* history,
                    const Vec3<double> (&u)[Effect::arity], const Vec3<double> (&d)[Effect::arity],
                    Vec3<double> (&force)[Effect::arity]) {
-  if constexpr (requires { rest.number; }) rest.number = 0.0;
+  if constexpr (requires { rest.cautious; }) rest.cautious = 0.0;
   Evaluation<double, Effect::rows, Effect::arity> c;
   evaluate_element<Effect>(rest, history, u, d, c);
   if constexpr (is_constraint<Effect>) {

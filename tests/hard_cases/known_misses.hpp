@@ -24,8 +24,8 @@ inline const std::vector<KnownMiss> known_misses = [] {
       // bar is five times as long, which the check at rest cannot see.
       {"twist 720° and stretch ×5, release", "xpbd gauss_seidel", "", 5.4},
       // In blocks too since a CPU takes a device's steps, on which it never recovered; in which
-      // equilibrium it ends hangs on the steps: to first order 2.44.
-      {"twist 720° and stretch ×5, release", "xpbd block_gauss_seidel", "", 3.57},
+      // equilibrium it ends hangs on the steps, and on the damping that acts.
+      {"twist 720° and stretch ×5, release", "xpbd block_gauss_seidel", "", 1.74},
       {"twist 720° and stretch ×5, release", "tled", "", unbounded},
       {"twist 720° and stretch ×5, release", "fem", "", 1.9},
       // Jacobi lowers what an element does by its factor `split`: more is left where κ is large.
