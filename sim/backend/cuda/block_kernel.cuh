@@ -73,7 +73,7 @@ struct Frame {
   bool pushes;  // whether the bound's first part acts within this launch
   int max_locals, max_shared, max_replicas, max_duals, max_gathered, max_table;  // of a block
   int team;                                                                      // lanes that sweep
-  bool damped;                                                                   // rate forces act
+  bool damped;        // the kernel has rate forces, named or not
   bool linearizes;    // elements before a sweep, side by side: where a phase costs its latency
   bool single_block;  // a block is a whole body
 };
