@@ -7,6 +7,7 @@
 #include "sim/base/refusal.hpp"
 #include "sim/equilibrium.hpp"
 #include "sim/solvers/solver.hpp"
+#include "sim/surface_error.hpp"
 #include "sim/wanted_sizes.hpp"
 
 namespace viscera::sim {
@@ -44,6 +45,7 @@ struct Equilibria {
   Displacement run, own, linear, quadratic;
   Displacement smoothed, elsewhere;  // with supports as asked for, and with others
   double share = 0.0;                // of what these differ by
+  Displacement by_surface, none;     // how much more if the surface were where the labels end
 };
 
 // `distance` of two fields.
@@ -52,8 +54,13 @@ ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
   const double mesh = saturation / (1.0 - saturation) * distance(all.linear, all.quadratic);
   const double support =
       all.elsewhere.empty() ? 0.0 : all.share * distance(all.smoothed, all.elsewhere);
-  return {distance(all.run, all.own), distance(all.own, all.quadratic), mesh, support,
-          distance(all.run, all.quadratic) + mesh + support};
+  const double surface = all.by_surface.empty() ? 0.0 : distance(all.by_surface, all.none);
+  return {distance(all.run, all.own),
+          distance(all.own, all.quadratic),
+          mesh,
+          support,
+          surface,
+          distance(all.run, all.quadratic) + mesh + support + surface};
 }
 
 // A scene whose supports end elsewhere, and by how much what that changes is to be multiplied to be
@@ -93,7 +100,8 @@ std::optional<OtherSupports> other_supports(const Model& model, const Scene& sce
 }  // namespace
 
 ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int order,
-                   const std::function<void()>& pause_point, std::span<const Probe> probes) {
+                   const std::function<void()>& pause_point, std::span<const Probe> probes,
+                   std::span<const double> missing) {
   const Element own = element_of(scene, order);
   ErrorBar bar;
   if (!scene.has<NeoHookean>() && !scene.has<SmoothedNeoHookean>() && !scene.has<MooneyRivlin>() &&
@@ -101,12 +109,12 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     bar.unknown = "quadratic tets know neo_hookean, mooney_rivlin and ogden alone";
     return bar;
   }
-  Equilibria all{.run = end.u};
+  const Displacement none(end.u.size());
+  Equilibria all{.run = end.u, .none = none};
   try {
     const auto find = [&](Element element, const State& from) {
       return equilibrium(model, scene, from, element, enough, pause_point);
     };
-    const Displacement none(end.u.size());
     const State still{end.u, none, end.step};
     const State linear = find(Element::linear, still);
     // Smoothed elements are the nearest to quadratic tets: from linear ones, which may be 40 % off,
@@ -117,6 +125,11 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     all.quadratic = quadratic.u;
     bar.sizes = wanted_sizes(
         model, with_element(Element::quadratic, model.largest_poisson_ratio(), scene), quadratic);
+    if (missing.empty()) {
+      bar.surface_unknown = "the mesh does not say where the labels end";
+    } else {
+      all.by_surface = moved_by_surface(model, scene, quadratic, missing, pause_point);
+    }
     all.smoothed = smoothed.u;
     if (const auto other = other_supports(model, scene)) {
       // What is led now and was not before would have to jump: that begins from the body at rest.
@@ -162,7 +175,7 @@ std::optional<std::size_t> tets_for(double aim, const ErrorParts& parts, std::si
   constexpr double margin = 0.9;              // of what is left for the mesh
   constexpr double met = 1.03;                // a mesh has the number that it is to have within 3 %
   const double now = static_cast<double>(tets), cap = static_cast<double>(at_most) / met;
-  const double left = aim - parts.solver - parts.support;
+  const double left = aim - parts.solver - parts.support - parts.surface;
   if (!(left > 0.0) || cap < worth * now) return std::nullopt;
   const double wanted = now * std::pow((parts.element + parts.mesh) / (margin * left), 1.5);
   return static_cast<std::size_t>(std::min(std::clamp(wanted, least * now, most * now), cap));

@@ -7,7 +7,8 @@
 //   element  |u_s - u_2|
 //   mesh     s / (1 - s) |u_1 - u_2|    what quadratic tets are off themselves
 //   support  g / h |u_e - u_f|   what whole tets leave of a support that is no region of the mesh
-//   total    |u - u_2| + mesh + support
+//   surface  |du|             du: how u_2 moves with the surface where the labels end
+//   total    |u - u_2| + mesh + support + surface
 //
 // The mesh's part rests on the saturation assumption of hierarchical error estimates (Bank and
 // Smith, "A posteriori error estimates based on hierarchical bases", SIAM J. Numer. Anal. 30,
@@ -19,7 +20,10 @@
 // are smoothed elements, u_f the same with supports that end h farther inside, about a cell: what
 // g leaves is taken for linear in h. Regions of the mesh leave nothing.
 //
-// What it does not know: how far the surface is from the patient's, materials and loads.
+// The surface's part is of first order in how far the labels end from it (surface_error.hpp), and
+// of a mesh that was made from labels.
+//
+// What it does not know: how far the labels are from the patient, materials and loads.
 #pragma once
 
 #include <functional>
@@ -43,11 +47,12 @@ namespace viscera::sim {
 inline constexpr double saturation = 0.25;
 
 struct ErrorParts {
-  double solver = 0.0, element = 0.0, mesh = 0.0, support = 0.0, total = 0.0;  // m
+  double solver = 0.0, element = 0.0, mesh = 0.0, support = 0.0, surface = 0.0, total = 0.0;  // m
 };
 
 struct ErrorBar {
   std::string unknown;             // why there is none; empty: there is one
+  std::string surface_unknown;     // why the surface's part is not in it; empty: it is
   ErrorParts displacement;         // root mean square over the mass
   double size = 0.0;               // m, root mean square of u_2: what a share is of
   double largest = 0.0;            // m, of u - u_2 at a vertex
@@ -56,13 +61,16 @@ struct ErrorBar {
 };
 
 // Of a body that rests in `end` under the elements `order` (1: the scene's, linear or smoothed; 2:
-// quadratic tets). `pause_point` is called between Newton steps.
+// quadratic tets). `missing` is [tets] m3, what the labels have beyond the surface at each tet
+// (surface_error.hpp); empty: not known. `pause_point` is called between Newton steps.
 ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int order,
-                   const std::function<void()>& pause_point, std::span<const Probe> probes = {});
+                   const std::function<void()>& pause_point, std::span<const Probe> probes = {},
+                   std::span<const double> missing = {});
 
 // How many tets the next mesh is to have for a total of `aim` (m), where `tets` have these parts:
 // element and mesh are in proportion to h^2, as tets^(-2/3), where cells have the sizes that
-// wanted_sizes finds; the other two stay. At least 1.25 and at most 4 times as many, for that holds
+// wanted_sizes finds; the others stay (the surface's nearly: labels are smoothed before they are
+// meshed). At least 1.25 and at most 4 times as many, for that holds
 // near by, and `at_most`. Nothing where the other parts alone are too much, or nothing near 1.25
 // times as many is allowed.
 std::optional<std::size_t> tets_for(double aim, const ErrorParts& parts, std::size_t tets,

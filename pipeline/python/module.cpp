@@ -139,7 +139,7 @@ class Guarded {
     const sim::ErrorBar& bar = found.bar;
     if (!bar.unknown.empty())
       throw std::runtime_error("how far the body is off is not known: " + bar.unknown);
-    const auto [solver, element, mesh, support, total] = bar.displacement;
+    const auto [solver, element, mesh, support, surface, total] = bar.displacement;
     py::dict parts, quantities;
     parts["total"] = m_to_mm * total;
     parts["share"] = total / bar.size;
@@ -147,6 +147,8 @@ class Guarded {
     parts["element"] = m_to_mm * element;
     parts["mesh"] = m_to_mm * mesh;
     parts["support"] = m_to_mm * support;
+    parts["surface"] =
+        bar.surface_unknown.empty() ? py::object(py::float_(m_to_mm * surface)) : py::none();
     for (std::size_t k = 0; k < found.quantities.size(); ++k)
       quantities[py::str(found.quantities[k].name)] = m_to_mm * bar.probes[k].total;
     parts["quantities"] = quantities;

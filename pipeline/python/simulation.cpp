@@ -6,6 +6,7 @@
 #include "sim/measures/forces.hpp"
 #include "sim/sensitivity.hpp"
 #include "stages/mesh/tet_io.hpp"
+#include "stages/simulate/body.hpp"
 #include "stages/simulate/error_report.hpp"
 #include "stages/simulate/exchange/static_problem.hpp"
 #include "stages/simulate/probes.hpp"
@@ -118,8 +119,8 @@ Simulation::Certified Simulation::certify() {
   translated(run_, [&] {
     const int order = setup_.file.element == sim::Element::quadratic ? 2 : 1;
     found.quantities = asked_of_error_bar(body(), scene(), probes_, gaps_, state()->u, time_s());
-    found.bar =
-        sim::error_bar(body(), scene(), *state(), order, options_.pause_point, found.quantities);
+    found.bar = sim::error_bar(body(), scene(), *state(), order, options_.pause_point,
+                               found.quantities, missing_volumes(setup_.mesh));
   });
   found.sized.mesh = setup_.mesh;
   found.sized.mesh.cell_data[relative_size] = {found.bar.sizes.begin(), found.bar.sizes.end()};

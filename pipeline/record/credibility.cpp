@@ -97,6 +97,12 @@ Statements discretisation(const FinishedRun& run, const Evidence& evidence) {
       text_of(bar["total"]), 100.0 * bar["total_share"].get<double>(), text_of(bar["element"]),
       text_of(bar["mesh"]), text_of(bar["support"]), text_of(bar["solver"]),
       text_of(bar["largest"])));
+  statements.push_back(
+      bar["surface"].is_number()
+          ? fmt::format("{} mm of it are what the surface is off the labels that it was meshed "
+                        "from.",
+                        text_of(bar["surface"]))
+          : "How far the surface is off the labels is not known and not in it.");
   if (!evidence.error_bar.empty()) {
     statements.push_back(fmt::format(
         "On {} bodies of known truth with these elements the bound is listed below beside the true "
@@ -275,7 +281,7 @@ Json error_bar_of(const FinishedRun& run) {
   if (!total.is_number()) return {{"state", "not asked for"}};
   Json bar{{"state", "known"}, {"unit", "mm"}};
   for (const char* const part :
-       {"total", "total_share", "solver", "element", "mesh", "support", "largest"})
+       {"total", "total_share", "solver", "element", "mesh", "support", "surface", "largest"})
     bar[part] = metric_value(simulate, fmt::format("error_{}", part));
   return bar;
 }

@@ -10,6 +10,10 @@ namespace viscera {
 
 inline constexpr int max_label = 65535;  // images and files of labels hold 16 bits
 
+// Cell data of a mesh that was made from labels, mm3: what these have beyond the faces of each tet
+// that are on the body's surface; negative: less than nothing, for the mesh reaches beyond them.
+inline constexpr const char* missing_volume = "missing_volume";
+
 struct TetMesh {
   std::vector<std::array<double, 3>> points;  // mm
   std::vector<std::array<int, 4>> tets;       // positively oriented: det(p1-p0, p2-p0, p3-p0) > 0

@@ -219,10 +219,8 @@ std::vector<Face> find_faces(const TetMesh& mesh) {
 
 std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh) {
   std::vector<std::array<int, 3>> triangles;
-  for_each_face(mesh, [&](const Face& face) {
-    if (face.count != 1) return;
-    triangles.push_back(sim::face_of_tet(mesh.tets[face.tets[0]], face.opposite[0]));
-  });
+  for_each_boundary_face(mesh,
+                         [&](const std::array<int, 3>& face, int) { triangles.push_back(face); });
   return triangles;
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <vector>
 
+#include "sim/base/tet_face.hpp"
 #include "stages/mesh/tet_mesh.hpp"
 
 namespace viscera {
@@ -24,7 +25,14 @@ void for_each_face(const TetMesh& mesh, Visit visit) {
   for (const auto& face : find_faces(mesh)) visit(face);
 }
 
-// The boundary triangles of the whole mesh, counter-clockwise seen from outside.
+// visit(triangle, its tet) of the boundary of the whole mesh, counter-clockwise seen from outside.
+template <class Visit>
+void for_each_boundary_face(const TetMesh& mesh, Visit visit) {
+  for_each_face(mesh, [&](const Face& face) {
+    if (face.count != 1) return;
+    visit(sim::face_of_tet(mesh.tets[face.tets[0]], face.opposite[0]), face.tets[0]);
+  });
+}
 std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh);
 
 // Edges at which not exactly two of these triangles meet.

@@ -1,5 +1,7 @@
 #include "stages/simulate/body.hpp"
 
+#include <cmath>
+
 namespace viscera {
 
 sim::Model make_body(const TetMesh& mesh, const std::map<int, sim::Material>& by_label) {
@@ -10,6 +12,18 @@ sim::Model make_body(const TetMesh& mesh, const std::map<int, sim::Material>& by
   sim::Model model = sim::make_model(points, mesh.tets, mesh.labels, by_label, mesh.label_names);
   model.regions = mesh.regions;
   return model;
+}
+
+std::vector<double> missing_volumes(const TetMesh& mesh) {
+  constexpr double mm3_to_m3 = mm_to_m * mm_to_m * mm_to_m;
+  std::vector<double> missing;
+  const auto found = mesh.cell_data.find(missing_volume);
+  if (found == mesh.cell_data.end()) return missing;
+  for (const float volume : found->second) {
+    if (!std::isfinite(volume)) return {};
+    missing.push_back(mm3_to_m3 * volume);
+  }
+  return missing;
 }
 
 std::vector<float> positions_mm(const sim::Model& model, const sim::State& state) {

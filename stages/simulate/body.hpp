@@ -13,6 +13,9 @@ inline constexpr double mm_to_m = 1e-3, m_to_mm = 1e3;
 // Throws sim::Refusal as sim::make_model does.
 sim::Model make_body(const TetMesh& mesh, const std::map<int, sim::Material>& by_label);
 
+// [tets] m3, of a mesh that says it (missing_volume), else empty.
+std::vector<double> missing_volumes(const TetMesh& mesh);
+
 // x, y, z of every vertex, LPS mm.
 std::vector<float> positions_mm(const sim::Model& model, const sim::State& state);
 

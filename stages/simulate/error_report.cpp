@@ -34,7 +34,7 @@ std::vector<Param> adapt_params() {
            .doc = "no mesh follows this one: the engine sets it in the last round"}};
 }
 
-sim::ErrorBar find_error_bar(const sim::Model& model, const SceneFile& file,
+sim::ErrorBar find_error_bar(const TetMesh& mesh, const sim::Model& model, const SceneFile& file,
                              const std::vector<sim::Probe>& asked, const Outcome& outcome,
                              const sim::SolverOptions& options) {
   sim::ErrorBar bar;
@@ -46,20 +46,23 @@ sim::ErrorBar find_error_bar(const sim::Model& model, const SceneFile& file,
     log::info("certify: finding the equilibria of linear, of the run's own and of quadratic tets");
     const bool is_quadratic = options.method == sim::Method::fem && options.fem.order == 2;
     bar = sim::error_bar(model, file.scene, outcome.last, is_quadratic ? 2 : 1, options.pause_point,
-                         asked);
+                         asked, missing_volumes(mesh));
   }
   return bar;
 }
 
 void report_parts(StageRun& run, const sim::Model& model, const std::vector<sim::Probe>& asked,
                   const sim::ErrorBar& bar) {
-  const auto [solver, element, mesh_part, support, total] = bar.displacement;
+  const auto [solver, element, mesh_part, support, surface, total] = bar.displacement;
+  const bool surface_known = bar.surface_unknown.empty();
   run.metric("error_total", m_to_mm * total, "mm");
   run.metric("error_total_share", total / bar.size);
   run.metric("error_solver", m_to_mm * solver, "mm");
   run.metric("error_element", m_to_mm * element, "mm");
   run.metric("error_mesh", m_to_mm * mesh_part, "mm");
   run.metric("error_support", m_to_mm * support, "mm");
+  run.metric("error_surface", surface_known ? Json(m_to_mm * surface) : Json(), "mm");
+  run.metric("error_surface_unknown", surface_known ? Json() : Json(bar.surface_unknown));
   run.metric("error_largest", m_to_mm * bar.largest, "mm");
   Json centroids = Json::object(), followed = Json::object();
   for (std::size_t k = 0; k < asked.size(); ++k) {
@@ -70,9 +73,10 @@ void report_parts(StageRun& run, const sim::Model& model, const std::vector<sim:
   if (!followed.empty()) run.metric("error_probes", followed, "mm");
   log::info(
       "at rest the body is off by {:.3g} mm rms or less ({:.2g} % of its displacement): solver "
-      "{:.2g}, element {:.2g}, mesh {:.2g}, support {:.2g} mm",
+      "{:.2g}, element {:.2g}, mesh {:.2g}, support {:.2g}, surface {}",
       m_to_mm * total, 100.0 * total / bar.size, m_to_mm * solver, m_to_mm * element,
-      m_to_mm * mesh_part, m_to_mm * support);
+      m_to_mm * mesh_part, m_to_mm * support,
+      surface_known ? fmt::format("{:.2g} mm", m_to_mm * surface) : "not known");
 }
 
 // What a goal is about: the error now and how much of it is allowed, m.
@@ -102,9 +106,11 @@ std::optional<std::size_t> next_mesh(const AdaptGoal& goal, const Aim& aim, std:
     log::info("adapt: {}: the next mesh is to have {} tets", off, *next);
   } else if (goal.last) {
     log::warn("adapt: {}, and this was the last round", off);
-  } else if (now.solver + now.support >= allowed) {
-    log::warn("adapt: {}, {:.3g} mm of it by solver and support, which no finer mesh changes", off,
-              m_to_mm * (now.solver + now.support));
+  } else if (const double stays = now.solver + now.support + now.surface; stays >= allowed) {
+    log::warn(
+        "adapt: {}, {:.3g} mm of it by solver, support and surface, which finer meshes hardly "
+        "change",
+        off, m_to_mm * stays);
   } else {
     log::warn("adapt: {}, and a finer mesh would have more than {} tets", off, goal.at_most);
   }
@@ -194,7 +200,7 @@ void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& mode
   const std::vector<sim::Probe> asked = asked_of_error_bar(
       model, file.scene, probes, gaps, outcome.last.u, outcome.frames.back().time_s);
   const auto goal = read_adapt(run);
-  const sim::ErrorBar bar = find_error_bar(model, file, asked, outcome, options);
+  const sim::ErrorBar bar = find_error_bar(mesh, model, file, asked, outcome, options);
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - begin;
   run.machine_metric("error_bar_wall", wall.count(), "s");
   const bool is_known = bar.unknown.empty();

@@ -413,7 +413,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "20",
+           .version = "21",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

@@ -364,6 +364,10 @@ Json judge_made(StageRun& run, Made& made) {
   for (const auto& [key, value] : made.how.items()) report[key] = value;
   if (!made.mesh.regions.empty()) report["regions"] = regions_json(made.mesh, quality);
   add_cell_data(made.mesh, quality);
+  const auto& missing = made.wanted.loss.missing;
+  if (made.wanted.labels) {
+    made.mesh.cell_data[missing_volume].assign(missing.begin(), missing.end());
+  }
   return report;
 }
 
@@ -404,7 +408,7 @@ Stage tetmesh_stage() {
   Stage stage;
   stage.info = {
       .name = "tetmesh",
-      .version = "8",
+      .version = "9",
       .doc = "Labels or a surface to a conforming tetrahedral mesh with its quality.",
       .inputs = {{.role = "labels", .required = false, .doc = "labels.nrrd of viscera-labels"},
                  {.role = "surface",

@@ -1,10 +1,12 @@
 // What the mesher is given: surfaces of every kind, meshes made elsewhere, and requests that it has
 // to refuse.
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "stages/mesh/tet_topology.hpp"
 #include "stages/mesh/vec.hpp"
+#include "stages/tetmesh/quality/label_loss.hpp"
 #include "tests/geometry/tetmesh_run.hpp"
 
 namespace viscera {
@@ -290,6 +292,38 @@ TEST_F(Tetmesh, AMeshFromElsewhereIsMendedAndJudged) {
 TEST_F(Tetmesh, NeitherLabelsNorSurfaceIsABadRequest) {
   const auto outcome = testing::run_stage(tetmesh_stage(), {"--out", out().string()});
   EXPECT_EQ(outcome.code, 3);
+}
+
+// A label that is the mesh's cube moved along x.
+TEST(LabelLoss, SaysOfEachTetOfTheBoundaryWhatTheLabelHasBeyondItAndLacks) {
+  constexpr double shift = 0.15, spacing = 0.05;
+  const LabelImage image =
+      testing::draw(60, {spacing, spacing, spacing}, [](auto x, auto y, auto z) {
+        return std::max({std::abs(x - shift), std::abs(y), std::abs(z)}) < 0.5;
+      });
+  TetMesh mesh = testing::shaken_cube(4, 0.0, 1);
+  const double middle = 0.5 * (60 - 1) * spacing;
+  const auto centre = image.frame.to_lps({middle, middle, middle});
+  for (auto& point : mesh.points)
+    for (int a = 0; a < 3; ++a) point[a] += centre[a] - 0.5;
+  const LabelLoss loss = find_label_loss(image, mesh, 0.25, [](const auto&) { return false; });
+  ASSERT_EQ(loss.missing.size(), mesh.tets.size());
+  double beyond = 0.0, lacking = 0.0, upper = 0.0;
+  std::vector<char> on_boundary(mesh.tets.size());
+  for_each_boundary_face(mesh, [&](const std::array<int, 3>& face, int tet) {
+    on_boundary[tet] = 1;
+    if (std::ranges::all_of(face, [&](int p) { return mesh.points[p][0] > centre[0] + 0.499; }))
+      upper += loss.missing[tet];
+  });
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    (loss.missing[t] > 0.0 ? beyond : lacking) += loss.missing[t];
+    if (!on_boundary[t]) {
+      EXPECT_EQ(loss.missing[t], 0.0) << t;
+    }
+  }
+  EXPECT_NEAR(upper, shift, 1e-9) << "mm3, of a face of 1 mm2";
+  EXPECT_NEAR(beyond, shift, 1e-9);
+  EXPECT_NEAR(lacking, -shift, 1e-9);
 }
 
 }  // namespace

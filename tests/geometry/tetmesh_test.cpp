@@ -34,6 +34,15 @@ TEST_F(Tetmesh, TwoMaterialsShareTheirInterfaceAndKeepTheirVolumes) {
   for (const auto& label : quality["volume"]["labels"])
     EXPECT_LT(std::abs(label["volume_error"].get<double>()), 0.003) << label;
   EXPECT_GT(quality["measures"]["dihedral_min"]["min"].get<double>(), 15.0);
+  // A ball of 20 mm in voxels of 1 to 1.25 mm and cells of 4 mm.
+  const auto& missing = result.cell_data.at(missing_volume);
+  double sum = 0.0, apart = 0.0;
+  for (const double volume : missing) sum += volume, apart += std::abs(volume);
+  const auto& volumes = quality["volume"];
+  const double ball = 1000.0 * volumes["input_ml"].get<double>();
+  EXPECT_NEAR(sum, ball - 1000.0 * volumes["ml"].get<double>(), 0.003 * ball);
+  EXPECT_GT(apart, 0.002 * ball) << "no facet is round";
+  EXPECT_LT(apart, 0.05 * ball);
 }
 
 TEST_F(Tetmesh, TheSameLabelsGiveTheSameBytes) {

@@ -139,7 +139,9 @@ def test_a_certified_body_says_how_far_it_is_off_and_where_its_next_mesh_is_to_b
     error = sim.certify()
     assert 0.01 < error["share"] < 0.5
     assert max(error["element"], error["mesh"]) < error["total"]
-    assert error["total"] <= sum(error[part] for part in ("solver", "element", "mesh", "support")) * (1 + 1e-12)
+    parts = ("solver", "element", "mesh", "support", "surface")
+    assert error["total"] <= sum(error[part] for part in parts) * (1 + 1e-12)
+    assert error["surface"] > 0, "the mesh says where the labels end"
     assert set(error["quantities"]) == {"liver", "tumour", "vessels", "tip"}
     sizes = error["size_field"].cell_data["relative_size"]
     assert sizes.shape == (len(mesh.tets),) and sizes.min() < 0.9 < 1.1 < sizes.max()

@@ -154,6 +154,7 @@ TEST(Credibility, AnErrorBarIsToldWithItsParts) {
                                                                  {"error_element", 0.9},
                                                                  {"error_mesh", 0.5},
                                                                  {"error_support", 0.0},
+                                                                 {"error_surface", 0.2},
                                                                  {"error_largest", 4.0}})
     run.stages[0].manifest.metrics.push_back({name, value, "mm"});
   const Json factors = credibility_factors(run, evidence_for(run));
@@ -162,6 +163,14 @@ TEST(Credibility, AnErrorBarIsToldWithItsParts) {
   EXPECT_NE(text.find("1.5 mm"), std::string::npos) << text;
   EXPECT_NE(text.find("5 %"), std::string::npos) << text;
   EXPECT_EQ(error_bar_of(run)["element"], 0.9);
+  const auto of_surface = [](const FinishedRun& one) {
+    return credibility_factors(one, evidence_for(one))[2]["statements"][1].get<std::string>();
+  };
+  EXPECT_NE(of_surface(run).find("0.2 mm"), std::string::npos) << of_surface(run);
+  for (auto& metric : run.stages[0].manifest.metrics) {
+    if (metric.name == "error_surface") metric.value = Json();
+  }
+  EXPECT_NE(of_surface(run).find("not known"), std::string::npos) << of_surface(run);
 }
 
 TEST(Credibility, AFailedGateIsToldUnderUseError) {

@@ -34,6 +34,28 @@ TEST_F(Simulate, ACertifiedRunSaysHowFarTheBodyIsOffOrWhyThatIsNotKnown) {
   EXPECT_NE(errors.find("not known"), std::string::npos) << errors;
 }
 
+TEST_F(Simulate, AMeshThatSaysWhereItsLabelsEndHasThatInItsErrorBar) {
+  const std::string held =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  ASSERT_EQ(run(held, {"--set", "certify=true"}), 0) << errors;
+  const double without = metric("error_total").get<double>();
+  EXPECT_TRUE(metric("error_surface").is_null());
+  EXPECT_EQ(metric("error_surface_unknown"), "the mesh does not say where the labels end");
+  TetMesh mesh = read_vtu(path("mesh.vtu"));
+  // Tissue that hangs below the cube, which begins at 25 mm: more weight.
+  for (const auto& tet : mesh.tets) {
+    double lowest = 1e9;
+    for (const int v : tet) lowest = std::min(lowest, mesh.points[v][2]);
+    mesh.cell_data[missing_volume].push_back(lowest < 25.0 + 1e-9 ? 100.0f : 0.0f);
+  }
+  write_vtu(path("mesh.vtu"), mesh);
+  ASSERT_EQ(run(held, {"--set", "certify=true"}), 0) << errors;
+  EXPECT_TRUE(metric("error_surface_unknown").is_null());
+  const double surface = metric("error_surface").get<double>();
+  EXPECT_GT(surface, 0.001);
+  EXPECT_NEAR(metric("error_total").get<double>(), without + surface, 1e-6);
+}
+
 TEST_F(Simulate, AnErrorThatIsExpectedIsJudgedAndFailsWhereItIsNotKnown) {
   const std::string held =
       with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");

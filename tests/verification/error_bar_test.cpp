@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/element_choice.hpp"
+#include "sim/model/surface.hpp"
 #include "tests/verification/truth.hpp"
 
 namespace viscera::sim {
@@ -64,6 +65,9 @@ TEST(TetsFor, TakesTheMeshPartsToWhatTheOthersLeaveOfTheAim) {
   EXPECT_NEAR(static_cast<double>(*tets_for(4e-4, parts, 10000, 20600)), 20000, 1.0);
   EXPECT_FALSE(tets_for(aim, parts, 10000, 10500)) << "hardly more are allowed";
   EXPECT_FALSE(tets_for(2e-4, parts, 10000, 100000)) << "solver and support alone are as much";
+  ErrorParts far = parts;
+  far.surface = 5e-4;
+  EXPECT_GT(tets_for(aim, far, 10000, 100000), next) << "less is left for element and mesh";
 }
 
 // Linear tets alone have these laws beside quadratic ones: most of the bar is the element's part.
@@ -160,6 +164,48 @@ TEST(ErrorBar, OfASupportThatIsThinnerThanACellCountsWhatLiesBeyond) {
   scene.params<Fixed>().front().within = 1e-9;
   const ErrorBar face = error_bar(model, scene, equilibrium(model, scene, 1), 1, [] {});
   EXPECT_LT(face.displacement.support, 1e-6 * face.size);
+}
+
+// What labels have that end so much beyond the faces across an axis, and no farther along the
+// others: [tets] m3.
+std::vector<double> missing_across(const Model& model, int axis, double distance) {
+  std::vector<double> missing(model.tet_count());
+  for (const TetFace& face : tet_faces(model)) {
+    const Vec3<double> out = area_vector(model, face.vertices);
+    const double along = std::abs(axis == 1 ? out.y : out.z);
+    if (face.other < 0 && along > 0.5 * norm(out)) missing[face.tet] += distance * along;
+  }
+  return missing;
+}
+
+// A bar that is thicker in the plane in which its weight bends it is stiffer; one that is wider has
+// more weight and as much more stiffness.
+TEST(ErrorBar, HasAPartForASurfaceThatIsNotWhereTheLabelsEnd) {
+  const Model model = make_five_tet_box({0.08, 0.02, 0.02}, {24, 6, 6}, bar_material);
+  const Scene scene = held_scene(true);
+  const State end = equilibrium(model, scene, 1);
+  const ErrorBar unaware = error_bar(model, scene, end, 1, [] {});
+  EXPECT_NE(unaware.surface_unknown, "");
+  EXPECT_EQ(unaware.displacement.surface, 0.0);
+  const Scene plain = held_scene(false);
+  const auto of_bar = [&](double thicker_by) {
+    return equilibrium(
+               make_five_tet_box({0.08, 0.02 + 2.0 * thicker_by, 0.02}, {24, 6, 6}, bar_material),
+               plain, 2)
+        .u;
+  };
+  constexpr double distance = 1e-4;
+  const double differs = 0.5 * off(model, of_bar(distance), of_bar(-distance));
+  EXPECT_GT(differs, 0.01 * unaware.size);
+  const ErrorBar bar = error_bar(
+      model, scene, end, 1, [] {}, {}, missing_across(model, 1, -distance));
+  ASSERT_EQ(bar.unknown, "");
+  EXPECT_EQ(bar.surface_unknown, "");
+  EXPECT_NEAR(bar.displacement.surface, differs, 0.05 * differs);
+  EXPECT_NEAR(bar.displacement.total - unaware.displacement.total, bar.displacement.surface, 1e-9);
+  const ErrorBar wider = error_bar(
+      model, scene, end, 1, [] {}, {}, missing_across(model, 2, distance));
+  EXPECT_LT(wider.displacement.surface, 0.05 * differs);
 }
 
 TEST(ErrorBar, GivesTheSolverWhatTheRunIsOffTheEquilibriumOfItsOwnElements) {

@@ -8,18 +8,6 @@ namespace {
 // The edges of a tet, in the order of the midside nodes 4 to 9 (that of VTK's quadratic tetra).
 constexpr int edges[6][2] = {{0, 1}, {1, 2}, {0, 2}, {0, 3}, {1, 3}, {2, 3}};
 
-// N_i = L_i (2 L_i - 1) at the corners, N_ij = 4 L_i L_j on the edges.
-std::array<Vec3<double>, 10> quadratic_gradients(const std::array<Vec3<double>, 4>& corner,
-                                                 const std::array<double, 4>& l) {
-  std::array<Vec3<double>, 10> out;
-  for (int i = 0; i < 4; ++i) out[i] = (4.0 * l[i] - 1.0) * corner[i];
-  for (int e = 0; e < 6; ++e) {
-    const auto& [i, j] = edges[e];
-    out[4 + e] = 4.0 * (l[i] * corner[j] + l[j] * corner[i]);
-  }
-  return out;
-}
-
 // The rule of four points, exact to degree 2 (Hammer and Stroud 1956).
 std::array<QuadraturePoint<10>, 4> quadratic_points(const std::array<Vec3<double>, 4>& corner,
                                                     double volume) {
@@ -46,6 +34,24 @@ int mass_420ths(int i, int j) {
 }
 
 }  // namespace
+
+std::array<double, 10> quadratic_shapes(const std::array<double, 4>& l) {
+  std::array<double, 10> out;
+  for (int i = 0; i < 4; ++i) out[i] = l[i] * (2.0 * l[i] - 1.0);
+  for (int e = 0; e < 6; ++e) out[4 + e] = 4.0 * l[edges[e][0]] * l[edges[e][1]];
+  return out;
+}
+
+std::array<Vec3<double>, 10> quadratic_gradients(const std::array<Vec3<double>, 4>& corner,
+                                                 const std::array<double, 4>& l) {
+  std::array<Vec3<double>, 10> out;
+  for (int i = 0; i < 4; ++i) out[i] = (4.0 * l[i] - 1.0) * corner[i];
+  for (int e = 0; e < 6; ++e) {
+    const auto& [i, j] = edges[e];
+    out[4 + e] = 4.0 * (l[i] * corner[j] + l[j] * corner[i]);
+  }
+  return out;
+}
 
 int FemMesh::midside(const Model& model, int a, int b) {
   const std::array<int, 2> ends = {std::min(a, b), std::max(a, b)};

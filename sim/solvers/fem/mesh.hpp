@@ -28,6 +28,12 @@ struct FemElement {
   std::array<QuadraturePoint<n>, point_count> points;
 };
 
+// At the place with these shares of a tet's corners, whose own (linear) shape functions have the
+// gradients `corner`: N_i = L_i (2 L_i - 1) at the corners, N_ij = 4 L_i L_j on the edges.
+std::array<double, 10> quadratic_shapes(const std::array<double, 4>& l);
+std::array<Vec3<double>, 10> quadratic_gradients(const std::array<Vec3<double>, 4>& corner,
+                                                 const std::array<double, 4>& l);
+
 // Gradient of a displacement field. Differences to the first node, as the gradients sum to zero: a
 // rigid shift gives no strain.
 template <int n>

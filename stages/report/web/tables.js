@@ -60,11 +60,13 @@ viscera.errorBar = function (report) {
   }
   const share = viscera.quantity(Number((100 * metric("error_total_share")).toPrecision(2)), "percent");
   const centroids = Object.entries(metric("error_centroids") || {});
+  const surface = metric("error_surface"), surfaceKnown = typeof surface === "number";
   return `At rest the body is off by ${mm(total)} (root mean square) or less, ${share} of its displacement: ` +
     `solver ${mm(metric("error_solver"))}, elements ${mm(metric("error_element"))}, ` +
-    `mesh ${mm(metric("error_mesh"))}, supports ${mm(metric("error_support") ?? 0)}; centroids: ` +
+    `mesh ${mm(metric("error_mesh"))}, supports ${mm(metric("error_support") ?? 0)}` +
+    (surfaceKnown ? `, surface ${mm(surface)}` : "") + "; centroids: " +
     centroids.map(([label, off]) => `${label} ${mm(off)}`).join(", ") +
-    ". Not in it: the surface's distance from the scan, the borders of springs and loads, and whether materials and loads are right.";
+    `. Not in it: the ${surfaceKnown ? "labels'" : "surface's"} distance from the scan, the borders of springs and loads, and whether materials and loads are right.`;
 };
 
 viscera.verdict = function (report) {
@@ -118,7 +120,7 @@ viscera.keyFigures = function (report) {
   const off = viscera.metric(report, "simulate", "error_total");
   if (typeof off === "number") {
     add("Error at rest", viscera.quantity(Number(off.toPrecision(2)), "mm"),
-        "root mean square, or less: solver, elements, mesh and supports");
+        "root mean square, or less: solver, elements, mesh, supports and surface");
   } else if (typeof error === "number") {
     add("Solver's error at rest", viscera.quantity(Number((100 * error).toPrecision(2)), "percent"),
         "predicted bound; the error of elements and mesh comes besides (simulate: certify)");

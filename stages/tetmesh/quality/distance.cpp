@@ -47,15 +47,23 @@ constexpr int max_shrinkings = 40;
 class Nearest {
  public:
   explicit Nearest(const Triangles& triangles)
-      : tree_(triangles.begin(), triangles.end()), near_(triangles.front()[0]) {
+      : triangles_(triangles),
+        tree_(triangles.begin(), triangles.end()),
+        near_(triangles.front()[0]) {
     tree_.accelerate_distance_queries();
   }
   // The last answer is a good first guess for the next.
   const Kernel::Point_3& operator()(const Kernel::Point_3& p) {
     return near_ = tree_.closest_point(p, near_);
   }
+  // With the number of the triangle that it is on.
+  std::pair<Kernel::Point_3, std::size_t> with_triangle(const Kernel::Point_3& p) {
+    const auto [place, triangle] = tree_.closest_point_and_primitive(p);
+    return {place, static_cast<std::size_t>(triangle - triangles_.begin())};
+  }
 
  private:
+  const Triangles& triangles_;
   Tree tree_;
   Kernel::Point_3 near_;
 };
@@ -236,17 +244,25 @@ SurfaceDistance surface_distance(const TetMesh& mesh, const SurfaceMesh& surface
   return found;
 }
 
-std::vector<double> distances_from_boundary(const TetMesh& mesh, const std::vector<Vec>& points) {
-  const Triangles boundary = triangles_of(mesh.points, boundary_triangles(mesh));
+std::vector<NearestOnBoundary> nearest_on_boundary(const TetMesh& mesh,
+                                                   const std::vector<Vec>& points) {
+  std::vector<std::array<int, 3>> corners;
+  std::vector<int> tet_of;
+  for_each_boundary_face(mesh, [&](const std::array<int, 3>& face, int tet) {
+    corners.push_back(face);
+    tet_of.push_back(tet);
+  });
+  const Triangles boundary = triangles_of(mesh.points, corners);
   Nearest on_mesh(boundary);
-  std::vector<double> distances;
-  distances.reserve(points.size());
+  std::vector<NearestOnBoundary> nearest;
+  nearest.reserve(points.size());
   for (const auto& [x, y, z] : points) {
     const Kernel::Point_3 p(x, y, z);
-    distances.push_back(std::sqrt(CGAL::squared_distance(p, on_mesh(p))));
-    if (distances.size() % 1024 == 0) log::check_interrupt();
+    const auto [place, triangle] = on_mesh.with_triangle(p);
+    nearest.push_back({std::sqrt(CGAL::squared_distance(p, place)), tet_of[triangle]});
+    if (nearest.size() % 1024 == 0) log::check_interrupt();
   }
-  return distances;
+  return nearest;
 }
 
 }  // namespace viscera

@@ -45,8 +45,12 @@ struct DistanceScale {
 SurfaceDistance surface_distance(const TetMesh& mesh, const SurfaceMesh& surface,
                                  const DistanceScale& scale);
 
-// The distance of every point from the boundary of the mesh, whichever side it is on.
-std::vector<double> distances_from_boundary(const TetMesh& mesh,
-                                            const std::vector<std::array<double, 3>>& points);
+struct NearestOnBoundary {
+  double distance;  // whichever side the point is on
+  int tet;          // whose face is the nearest
+};
+// Of every point.
+std::vector<NearestOnBoundary> nearest_on_boundary(
+    const TetMesh& mesh, const std::vector<std::array<double, 3>>& points);
 
 }  // namespace viscera

@@ -73,7 +73,7 @@ class Loss {
   }
 
   LabelLoss find() {
-    LabelLoss loss;
+    LabelLoss loss{.missing = missing_};
     for (const auto& [v, distance] : distance_)
       if (distance > loss.farthest) {
         loss.farthest = distance;
@@ -93,16 +93,22 @@ class Loss {
   using Voxels = std::vector<std::size_t>;
   using Widths = std::map<std::size_t, double>;
 
+  // Of the voxels that either the label or the mesh has alone.
   void measure_distances(const TetMesh& mesh) {
-    Voxels outside;
+    Voxels apart;
     std::vector<Vec> middles;
     for (std::size_t v = 0; v < image_.voxels.size(); ++v) {
-      if (image_.voxels[v] == 0 || within_[v]) continue;
-      outside.push_back(v);
+      if ((image_.voxels[v] != 0) == (within_[v] != 0)) continue;
+      apart.push_back(v);
       middles.push_back(frame_.to_lps(middle_of(frame_, v)));
     }
-    const auto found = distances_from_boundary(mesh, middles);
-    for (std::size_t n = 0; n < outside.size(); ++n) distance_[outside[n]] = found[n];
+    const auto nearest = nearest_on_boundary(mesh, middles);
+    missing_.assign(mesh.tets.size(), 0.0);
+    for (std::size_t n = 0; n < apart.size(); ++n) {
+      const auto& [distance, tet] = nearest[n];
+      missing_[tet] += (within_[apart[n]] ? -1.0 : 1.0) * frame_.voxel_volume();
+      if (!within_[apart[n]]) distance_[apart[n]] = distance;
+    }
   }
 
   // Two thresholds, so that a part does not go on as the layer of voxels that smoothing left
@@ -222,6 +228,7 @@ class Loss {
   double beyond_, near_ = 0.0, largest_radius_;  // mm
   const SmoothedAway& smoothed_away_;
   std::vector<char> within_;
+  std::vector<double> missing_;              // [tets] mm3
   std::map<std::size_t, double> distance_;   // of the label's voxels outside the mesh from it
   std::map<std::size_t, double> clearance_;  // of those that were asked for
 };

@@ -1,5 +1,6 @@
 // Which parts of a label volume a mesh does not have, voxel by voxel, and how fine the mesh would
-// have to be to have them. Lengths in mm, volumes in mm3.
+// have to be to have them; and by how much the labels end beyond its boundary. Lengths in mm,
+// volumes in mm3.
 #pragma once
 
 #include <functional>
@@ -15,6 +16,10 @@ struct LabelLoss {
   double farthest = 0.0;          // of the label's voxels from the mesh, by their middles
   std::array<double, 3> place{};  // of that voxel, LPS
   std::vector<LostPart> parts;    // the farthest first
+  // [tets] What the label has beyond the boundary faces of each tet, less what the mesh has beyond
+  // the label: voxels belong to the tet whose face is the nearest. Their sum is the label's volume
+  // less the mesh's, but for voxels that are counted whole.
+  std::vector<double> missing;
 };
 
 // A lost part is a face-connected piece of the label outside the mesh that reaches farther from it
