@@ -1,14 +1,46 @@
 #include "sim/element_choice.hpp"
 
+#include <algorithm>
+
 namespace viscera::sim {
+
+namespace {
+
+// Calls visit.template operator()<Smoothed>() for every law that can be smoothed.
+template <class Visit>
+void for_each_smoothed(Visit&& visit) {
+  Effects::for_each([&]<class Effect, std::size_t>() {
+    if constexpr (is_smoothed<Effect>) visit.template operator()<Effect>();
+  });
+}
+
+// Of these exponents the part of lambda that edges keep beside groups (lambda_of_edges()) would not
+// be enough: lambda + 2 mu / a, with a lambda of 3/2 mu at least.
+bool needs_all_of_lambda(const Effects::Choice& effects) {
+  const auto needs = [](const OgdenParams& law) {
+    return law.exponent < 0.0 && law.exponent > -1.34;
+  };
+  return std::ranges::any_of(std::get<std::vector<Ogden::Params>>(effects), needs) ||
+         std::ranges::any_of(std::get<std::vector<SmoothedOgden::Params>>(effects), needs);
+}
+
+}  // namespace
 
 std::string why_not_smoothed(const Scene& scene, const SolverOptions& options) {
   if (options.method == Method::fem && options.fem.order == 2)
     return "quadratic tets are asked for";
-  if (!scene.has<NeoHookean>() && !scene.has<SmoothedNeoHookean>()) {
-    return "the scene has no neo_hookean, which alone can be smoothed";
+  bool has_law = false;
+  for_each_smoothed([&]<class Effect>() {
+    has_law = has_law || scene.has<Effect>() || scene.has<typename Effect::Law>();
+  });
+  if (!has_law) {
+    return "the scene has none of neo_hookean, mooney_rivlin and ogden, which alone can be "
+           "smoothed";
   }
   if (options.method == Method::pbd) return "PBD knows no strain to average";
+  if (needs_all_of_lambda(scene.effects)) {
+    return "ogden's exponent is between -1.34 and 0, for which edges keep too little of lambda";
+  }
   return "";
 }
 
@@ -24,19 +56,29 @@ ElementChoice choose_element(const Scene& scene, const SolverOptions& options) {
 }
 
 void set_element(Effects::Choice& effects, Element element, double poisson_ratio) {
-  auto& linear = std::get<std::vector<NeoHookean::Params>>(effects);
-  auto& smoothed = std::get<std::vector<SmoothedNeoHookean::Params>>(effects);
-  auto& volume = std::get<std::vector<GroupedVolume::Params>>(effects);
-  const std::size_t laws = linear.size() + smoothed.size();
-  linear.clear(), smoothed.clear(), volume.clear();
-  if (element == Element::smoothed) {
-    smoothed.resize(laws);
-    if (!(poisson_ratio > groups_above_nu)) return;
-    volume.resize(laws);
-    for (auto& law : smoothed) law.beside_groups = true;
-  } else {
-    linear.resize(laws);
-  }
+  const bool in_groups = poisson_ratio > groups_above_nu;
+  const bool smooth = element == Element::smoothed && !(in_groups && needs_all_of_lambda(effects));
+  std::size_t volumes = 0;
+  for_each_smoothed([&]<class Effect>() {
+    using Law = typename Effect::Law;
+    auto& linear = std::get<std::vector<typename Law::Params>>(effects);
+    auto& smoothed = std::get<std::vector<typename Effect::Params>>(effects);
+    std::vector<typename Law::Params> laws(linear);
+    laws.insert(laws.end(), smoothed.begin(), smoothed.end());
+    linear.clear(), smoothed.clear();
+    for (typename Law::Params& law : laws) {
+      if constexpr (std::is_same_v<Law, NeoHookean>) law.taken.clear();
+      if (smooth) {
+        smoothed.push_back({law, nullptr, in_groups});
+      } else {
+        linear.push_back(law);
+      }
+    }
+    // The terms of Ogden's law are together the label's moduli.
+    volumes += std::is_same_v<Law, Ogden> ? std::min<std::size_t>(laws.size(), 1) : laws.size();
+  });
+  std::get<std::vector<GroupedVolume::Params>>(effects).assign(smooth && in_groups ? volumes : 0,
+                                                               {});
 }
 
 }  // namespace viscera::sim

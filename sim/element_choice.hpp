@@ -1,5 +1,5 @@
-// Which elements Neo-Hookean tissue has: each tet's own strain, the strain averaged around edges,
-// or tets of ten nodes.
+// Which elements the laws of tissue that can be smoothed (effects/laws/smoothed.hpp) have: each
+// tet's own strain, the strain averaged around edges, or tets of ten nodes.
 #pragma once
 
 #include <string>
@@ -24,10 +24,11 @@ std::string why_not_smoothed(const Scene& scene, const SolverOptions& options);
 // another a body was thrown apart (a frog of 15,000 tets). Measured in docs/results/body.md.
 ElementChoice choose_element(const Scene& scene, const SolverOptions& options);
 
-// Neo-Hookean tissue has these elements from now on, all of its tets. Quadratic ones are those of
+// Such tissue has these elements from now on, all of its tets. Quadratic ones are those of
 // the finite elements (FemOptions::order), which take the law of linear tets. Beside smoothed ones
 // there are groups of tets for the volume where the tissue's largest Poisson's ratio needs them
-// (effects/laws/grouped_volume.hpp).
+// (effects/laws/grouped_volume.hpp), and linear ones of an exponent of Ogden's that groups would
+// leave too little.
 void set_element(Effects::Choice& effects, Element element, double poisson_ratio);
 
 }  // namespace viscera::sim

@@ -7,7 +7,7 @@ namespace viscera::sim {
 
 Element element_of(const Scene& scene, int order) {
   if (order == 2) return Element::quadratic;
-  return scene.has<SmoothedNeoHookean>() ? Element::smoothed : Element::linear;
+  return has_smoothed(scene) ? Element::smoothed : Element::linear;
 }
 
 Scene with_element(Element element, double poisson_ratio, Scene scene) {

@@ -104,7 +104,7 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
                    std::span<const double> missing) {
   const Element own = element_of(scene, order);
   ErrorBar bar;
-  if (!scene.has<NeoHookean>() && !scene.has<SmoothedNeoHookean>() && !scene.has<MooneyRivlin>() &&
+  if (!has_smoothed(scene) && !scene.has<NeoHookean>() && !scene.has<MooneyRivlin>() &&
       !scene.has<Ogden>()) {
     bar.unknown = "quadratic tets know neo_hookean, mooney_rivlin and ogden alone";
     return bar;

@@ -27,7 +27,7 @@ std::string what_blocks_lack(const Model& model, const Scene& scene, SolverOptio
     return "without viscosity the rebound is that of the time step, which is of first order in "
            "blocks of tissue this nearly incompressible";
   }
-  std::size_t most = scene.has<SmoothedNeoHookean>() ? max_smoothed_in_blocks : max_in_blocks;
+  std::size_t most = has_smoothed(scene) ? max_smoothed_in_blocks : max_in_blocks;
   if (options.precision == Precision::fp64) most /= 2;
   if (model.tet_count() > most) return "so many tets were not run in blocks";
   return "";

@@ -20,6 +20,18 @@ constexpr const char* constraints_of_neo_hookean =
     "Interaction and Games, 2021.";
 constexpr const char* stable_neo_hookean =
     "Smith B, de Goes F, Kim T. Stable Neo-Hookean flesh simulation. ACM Trans Graph 37(2), 2018.";
+constexpr const char* mooney_rivlin =
+    "The tissue follows the Mooney-Rivlin law with each material's Young's modulus and Poisson's "
+    "ratio, in a form that stays finite when an element is inverted.";
+constexpr const char* source_of_mooney_rivlin =
+    "Rivlin RS. Large elastic deformations of isotropic materials IV. Phil Trans R Soc A "
+    "241:379-397, 1948.";
+constexpr const char* ogden =
+    "The tissue follows Ogden's law with each material's Young's modulus and Poisson's ratio, in "
+    "a form that stays finite when an element is inverted.";
+constexpr const char* source_of_ogden =
+    "Ogden RW. Large deformation isotropic elasticity: on the correlation of theory and "
+    "experiment for incompressible rubberlike solids. Proc R Soc A 326:565-584, 1972.";
 constexpr const char* smoothed =
     "Liu GR, Nguyen-Thoi T. Smoothed Finite Element Methods. CRC Press, 2010.";
 constexpr const char* hooke =
@@ -243,19 +255,23 @@ const std::vector<Method> known_methods = {
       "62:353-383, 2005."}},
     {"effect",
      "mooney_rivlin",
-     {"The tissue follows the Mooney-Rivlin law with each material's Young's modulus and Poisson's "
-      "ratio, in a form that stays finite when an element is inverted."},
-     {"Rivlin RS. Large elastic deformations of isotropic materials IV. Phil Trans R Soc A "
-      "241:379-397, 1948.",
-      stable_neo_hookean},
+     {mooney_rivlin},
+     {source_of_mooney_rivlin, stable_neo_hookean},
+     {"The tissue is isotropic and homogeneous within each material."}},
+    {"effect",
+     "smoothed_mooney_rivlin",
+     {mooney_rivlin},
+     {source_of_mooney_rivlin, stable_neo_hookean},
      {"The tissue is isotropic and homogeneous within each material."}},
     {"effect",
      "ogden",
-     {"The tissue follows Ogden's law with each material's Young's modulus and Poisson's ratio, in "
-      "a form that stays finite when an element is inverted."},
-     {"Ogden RW. Large deformation isotropic elasticity: on the correlation of theory and "
-      "experiment for incompressible rubberlike solids. Proc R Soc A 326:565-584, 1972.",
-      stable_neo_hookean},
+     {ogden},
+     {source_of_ogden, stable_neo_hookean},
+     {"The tissue is isotropic and homogeneous within each material."}},
+    {"effect",
+     "smoothed_ogden",
+     {ogden},
+     {source_of_ogden, stable_neo_hookean},
      {"The tissue is isotropic and homogeneous within each material."}},
     {"effect",
      "linear",

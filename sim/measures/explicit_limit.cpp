@@ -43,7 +43,8 @@ double modulus_now(const Material& material, const typename Effect::Params& para
   const Lame constants = lame(material);
   const double mu = constants.mu, lambda = constants.lambda;
   const double s2 = now.s2(), trace = now.s1 + s2 + now.s3;
-  if constexpr (std::is_same_v<Effect, NeoHookean> || std::is_same_v<Effect, SmoothedNeoHookean>) {
+  using Law = law_of<Effect>;
+  if constexpr (std::is_same_v<Law, NeoHookean>) {
     const double own = Effect::lame_at(material, params).neo_hookean_lambda();
     return mu + now.largest_of_j(own * (now.j - 1.0) - mu) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, GroupedVolume>) {
@@ -51,11 +52,11 @@ double modulus_now(const Material& material, const typename Effect::Params& para
     return now.largest_of_j(own * (now.j - 1.0)) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, Volume>) {
     return now.largest_of_j(lambda * (now.j - 1.0)) + lambda * now.s1_s2 * now.s1_s2;
-  } else if constexpr (std::is_same_v<Effect, MooneyRivlin> || std::is_same_v<Effect, Ogden>) {
-    const auto [k, own] = Effect::moduli(material, params);
-    const auto shape = Effect::template shape<double>(params);
-    const double pressure = k * Effect::stress_at_rest(shape);
-    return 0.5 * k * Effect::largest_curvature(shape, now.s1, s2, now.s3) +
+  } else if constexpr (std::is_same_v<Law, MooneyRivlin> || std::is_same_v<Law, Ogden>) {
+    const auto [k, own] = Law::moduli(Effect::lame_at(material, params), params);
+    const auto shape = Law::template shape<double>(params);
+    const double pressure = k * Law::stress_at_rest(shape);
+    return 0.5 * k * Law::largest_curvature(shape, now.s1, s2, now.s3) +
            now.largest_of_j(own * (now.j - 1.0) - pressure) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, StVK>) {
     const double squares = now.s1 * now.s1;

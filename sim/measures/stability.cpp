@@ -119,6 +119,27 @@ void keep_accuracy(const Model& model, Scene& scene, const TimeStep& step) {
                     : "raise time.substeps, or use stability: substeps");
 }
 
+// Of the tets that each law acts on: made once, for several terms of Ogden's law are on all.
+void make_domains(const Model& model, Scene& scene) {
+  std::shared_ptr<const EdgeDomains> of_all;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (is_smoothed<Effect>) {
+      for (auto& law : std::get<i>(scene.effects)) {
+        law.made = nullptr;
+        const bool has_all = Effect::Law::taken(law).empty();
+        law.made = has_all && of_all ? of_all : Effect::domains(model, law);
+        if (has_all) of_all = law.made;
+      }
+    }
+  });
+  auto& volumes = scene.params<GroupedVolume>();
+  const auto& tissue = scene.params<SmoothedNeoHookean>();
+  for (std::size_t k = 0; k < volumes.size(); ++k) {
+    volumes[k] = {{k < tissue.size() ? tissue[k].taken : std::vector<char>{}}, nullptr};
+    volumes[k].made = GroupedVolume::groups(model, volumes[k]);
+  }
+}
+
 }  // namespace
 
 double shear_number(const Model& model, std::size_t tet, double dt) {
@@ -185,9 +206,11 @@ std::size_t tets_taken(const Scene& scene) {
 
 void keep_forms(const Scene& from, Scene& to) {
   to.params<NeoHookean>() = from.params<NeoHookean>();
-  to.params<SmoothedNeoHookean>() = from.params<SmoothedNeoHookean>();
   to.params<GroupedVolume>() = from.params<GroupedVolume>();
   to.params<Corotational>() = from.params<Corotational>();
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (is_smoothed<Effect>) std::get<i>(to.effects) = std::get<i>(from.effects);
+  });
 }
 
 Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& options) {
@@ -198,14 +221,7 @@ Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& op
     switch_form<NeoHookean>(model, scene);
     switch_form<SmoothedNeoHookean>(model, scene);
   }
-  for (auto& law : scene.params<SmoothedNeoHookean>()) {
-    law.made = std::make_shared<const EdgeDomains>(model, law.taken);
-  }
-  auto& volumes = scene.params<GroupedVolume>();
-  for (std::size_t k = 0; k < volumes.size(); ++k) {
-    volumes[k] = {{scene.params<SmoothedNeoHookean>()[k].taken}, nullptr};
-    volumes[k].made = GroupedVolume::groups(model, volumes[k]);
-  }
+  make_domains(model, scene);
   raise_substeps(scene, assess(model, scene, options));
   // Of the substeps that the run will have: how far off it rests, and how long forces must be held
   // for that, is in proportion to their square.

@@ -19,7 +19,7 @@
 #include "sim/effects/laws/ogden.hpp"
 #include "sim/effects/laws/prony.hpp"
 #include "sim/effects/laws/shape_matching.hpp"
-#include "sim/effects/laws/smoothed_neo_hookean.hpp"
+#include "sim/effects/laws/smoothed.hpp"
 #include "sim/effects/laws/stvk.hpp"
 #include "sim/effects/laws/viscosity.hpp"
 #include "sim/effects/laws/volume.hpp"
@@ -66,10 +66,10 @@ struct EffectList {
   }
 };
 
-using Effects =
-    EffectList<Gravity, Grip, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean,
-               SmoothedNeoHookean, GroupedVolume, MooneyRivlin, Ogden, Linear, StVK, Corotational,
-               Distance, Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact, Ground,
-               Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
+using Effects = EffectList<Gravity, Grip, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean,
+                           SmoothedNeoHookean, SmoothedMooneyRivlin, SmoothedOgden, GroupedVolume,
+                           MooneyRivlin, Ogden, Linear, StVK, Corotational, Distance, Volume, Fibre,
+                           Prony, Spring, ShapeMatching, SelfContact, Ground, Collider<Plane>,
+                           Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

@@ -50,6 +50,15 @@ struct Scene {
   }
 };
 
+// Whether a law of the scene has smoothed elements.
+inline bool has_smoothed(const Scene& scene) {
+  bool has = false;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (is_smoothed<Effect>) has = has || !std::get<i>(scene.effects).empty();
+  });
+  return has;
+}
+
 // What the k-th of an effect is called: its key in the scene, with .1, .2, ... where it is named
 // several times.
 template <class Effect>

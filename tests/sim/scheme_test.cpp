@@ -150,8 +150,9 @@ TEST(Options, PbdIsRefusedWhatHasAModulusAndTakesWhatStatesAShape) {
     }
   });
   EXPECT_EQ(refused, (std::vector<std::string>{
-                         "neo_hookean", "smoothed_neo_hookean", "grouped_volume", "mooney_rivlin",
-                         "ogden", "linear", "stvk", "corotational", "fibre", "prony", "spring"}));
+                         "neo_hookean", "smoothed_neo_hookean", "smoothed_mooney_rivlin",
+                         "smoothed_ogden", "grouped_volume", "mooney_rivlin", "ogden", "linear",
+                         "stvk", "corotational", "fibre", "prony", "spring"}));
   EXPECT_EQ(taken, (std::vector<std::string>{"viscosity", "pressure", "load", "distance", "volume",
                                              "shape_matching"}));
 }
@@ -253,6 +254,13 @@ TEST(ElementChoice, IsSmoothedWhereTheSceneHasWhatIsSmoothedAndTheMethodSolvesIt
   Scene other;
   other.params<Corotational>().emplace_back();
   EXPECT_EQ(chosen(other, {}), Element::linear);
+  Scene mooney, ogden;
+  mooney.params<MooneyRivlin>().push_back({0.3});
+  EXPECT_EQ(chosen(mooney, {}), Element::smoothed);
+  ogden.params<Ogden>() = {{-4.7, 0.5}, {5.0, 0.5}};
+  EXPECT_EQ(chosen(ogden, {}), Element::smoothed);
+  ogden.params<Ogden>()[1].exponent = -1.0;
+  EXPECT_EQ(chosen(ogden, {}), Element::linear) << "edges would keep too little of lambda";
 }
 
 TEST(ElementChoice, IsMadeForEveryLawOfTheTissueAndTakenBack) {
@@ -268,6 +276,24 @@ TEST(ElementChoice, IsMadeForEveryLawOfTheTissueAndTakenBack) {
   set_element(scene.effects, Element::quadratic, 0.45);
   EXPECT_EQ(scene.params<NeoHookean>().size(), 2u);
   EXPECT_FALSE(scene.has<SmoothedNeoHookean>());
+}
+
+TEST(ElementChoice, KeepsTheNumbersOfALawAndGivesItsTermsOneVolume) {
+  Scene scene;
+  scene.params<Ogden>() = {{-4.7, 0.4}, {5.0, 0.6}};
+  set_element(scene.effects, Element::smoothed, 0.49);
+  ASSERT_EQ(scene.params<SmoothedOgden>().size(), 2u);
+  EXPECT_EQ(scene.params<SmoothedOgden>()[1].exponent, 5.0);
+  EXPECT_EQ(scene.params<SmoothedOgden>()[0].share, 0.4);
+  EXPECT_TRUE(scene.params<SmoothedOgden>()[0].beside_groups);
+  EXPECT_EQ(scene.params<GroupedVolume>().size(), 1u);
+  set_element(scene.effects, Element::linear, 0.49);
+  ASSERT_EQ(scene.params<Ogden>().size(), 2u);
+  EXPECT_EQ(scene.params<Ogden>()[0].exponent, -4.7);
+  EXPECT_FALSE(scene.has<SmoothedOgden>() || scene.has<GroupedVolume>());
+  scene.params<Ogden>()[0].exponent = -1.0;
+  set_element(scene.effects, Element::smoothed, 0.49);
+  EXPECT_TRUE(scene.has<Ogden>()) << "edges would keep too little of lambda";
 }
 
 }  // namespace

@@ -104,6 +104,9 @@ typename Effect::Params sample_params() {
   if constexpr (std::is_same_v<Effect, Prony>) params = {0.7, 0.01};
   if constexpr (std::is_same_v<Effect, MooneyRivlin>) params.second = 0.4;
   if constexpr (std::is_same_v<Effect, Ogden>) params = {-4.7, 1.0};
+  if constexpr (is_smoothed<Effect>) {
+    static_cast<typename Effect::Law::Params&>(params) = sample_params<typename Effect::Law>();
+  }
   if constexpr (std::is_same_v<Effect, Pressure>) params.pressure = 500.0;
   if constexpr (std::is_same_v<Effect, Load>) params.force = {0.1, 0.2, -0.3};
   if constexpr (std::is_same_v<Effect, Spring>) params.stiffness = 1e6;

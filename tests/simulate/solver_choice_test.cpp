@@ -63,11 +63,15 @@ TEST_F(Simulate, ElementsAreSmoothedByDefaultAndTheRunsWordStandsForTheScenes) {
             "smoothed");
   EXPECT_EQ(element_of(drop_scene, {"--set", "solver=tled", "--set", "substeps=64"}), "smoothed");
   EXPECT_EQ(element_of(with(drop_scene, "neo_hookean", "stvk"), {}), "linear");
+  EXPECT_EQ(element_of(with(drop_scene, "neo_hookean:", "mooney_rivlin: {second: 0.3}"), {}),
+            "smoothed");
+  const Json mooney = Json::parse(read_file(path("out") / "scene.json"))["effects"];
+  EXPECT_EQ(mooney.at("smoothed_mooney_rivlin").at("second"), 0.3);
   EXPECT_EQ(element_of(with(with(drop_scene, "neo_hookean", "distance"), "  viscosity:\n", ""),
                        {"--set", "solver=pbd"}),
             "linear");
   EXPECT_EQ(run(with(drop_scene, "neo_hookean", "stvk"), {"--set", "element=smoothed"}), 3);
-  EXPECT_NE(errors.find("the scene has no neo_hookean"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("the scene has none of neo_hookean, mooney_rivlin and ogden"), std::string::npos) << errors;
 }
 
 // The policy's other form takes the tets above the limit out of their domains.

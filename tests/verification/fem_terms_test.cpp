@@ -99,7 +99,7 @@ struct OnQuadraticTets {
   const Model model = make_cube(2);
   const FemMesh mesh{model, 2};
   const Prepared<Law, double> prepared;
-  HyperelasticTerm<Law> term{mesh, prepared.rest};
+  HyperelasticTerm<Law, 10> term{mesh, prepared.rest};
 
   explicit OnQuadraticTets(const typename Law::Params& params) : prepared(model, params, dt) {}
 };
@@ -109,6 +109,21 @@ TEST(FemTerms, HyperelasticForcesAndTangentsAreDerivativesOnQuadraticTets) {
   check_derivatives(mooney.term, mooney.mesh.node_count(), 0.002, "mooney_rivlin");
   OnQuadraticTets<Ogden> ogden({-4.7});
   check_derivatives(ogden.term, ogden.mesh.node_count(), 0.001, "ogden");
+}
+
+template <class Effect>
+void check_on_smoothed_elements(const typename Effect::Params& params) {
+  const Model model = make_cube(2);
+  FemMesh mesh(model, 1);
+  mesh.take(*Effect::domains(model, params));
+  const Prepared<Effect, double> prepared(model, params, dt);
+  HyperelasticTerm<Effect, Effect::arity> term(mesh, prepared.rest);
+  check_derivatives(term, mesh.node_count(), 0.002, Effect::name);
+}
+
+TEST(FemTerms, HyperelasticForcesAndTangentsAreDerivativesOnSmoothedElements) {
+  check_on_smoothed_elements<SmoothedMooneyRivlin>({{0.3}});
+  check_on_smoothed_elements<SmoothedOgden>({{-4.7}});
 }
 
 TEST(FemTerms, WithoutItsSecondInvariantMooneyRivlinIsNeoHookeanOnQuadraticTetsToo) {

@@ -3,7 +3,7 @@
 //   sum over groups k C^2 / 2,   C = det(I + H) - 1,   k = (lambda - lambda_s) V,   dC/dF = cof F
 //
 // with H the mean gradient of displacement over the group. The rest of the tissue's energy, with
-// lambda_s = lambda_of_edges(), is that of the edges (smoothed_neo_hookean.hpp): one constraint for
+// lambda_s = lambda_of_edges(), is that of the edges (smoothed.hpp): one constraint for
 // each edge on all of lambda leaves a mesh too few ways to move. After F-bar-Patch
 // (tet_groups.hpp).
 #pragma once
@@ -26,8 +26,7 @@ struct GroupedVolume {
   static constexpr bool projectable = false;  // nothing without its modulus
 
   struct Params : NeoHookean::Params {
-    // Not the scene's to give: what groups() has made for a body, as SmoothedNeoHookean has
-    // domains.
+    // Not the scene's to give: what groups() has made for a body, as Smoothed has domains.
     std::shared_ptr<const TetGroups> made;
   };
   static constexpr auto fields() { return std::tuple{}; }

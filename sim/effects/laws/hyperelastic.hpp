@@ -21,7 +21,7 @@ namespace viscera::sim {
 
 // `Law` has a name, a doc, fields and
 //   Shape<T> shape<T>(params)          its own numbers, which the functions below take
-//   Moduli moduli(material, params)    k and lambda, Pa
+//   Moduli moduli(lame, params)        k and lambda, Pa
 //   T at_rest(shape)                   D(I)
 //   T stress_at_rest(shape)            r
 //   double largest_curvature(shape, s1, s2, s3)   no eigenvalue of d2D/dF2 is larger where F has
@@ -47,58 +47,85 @@ struct Hyperelastic {
     double deviatoric, hydrostatic;  // k, lambda, Pa
   };
 
+  // Of an element of any shape.
   template <class T>
-  struct Rest {
-    Mat3<T> rest_inverse;       // B, 1/m
+  struct Constants {
     T deviatoric, hydrostatic;  // k_D, k_H, J
     typename Law::template Shape<T> shape;
   };
+  template <class T>
+  static Constants<T> constants(const Lame& of, double volume, const Params& params) {
+    const Moduli moduli = Law::moduli(of, params);
+    return {static_cast<T>(moduli.deviatoric * volume), static_cast<T>(moduli.hydrostatic * volume),
+            Law::template shape<T>(params)};
+  }
 
+  template <class T>
+  struct Rest : Constants<T> {
+    Mat3<T> rest_inverse;  // B, 1/m
+  };
+
+  static bool acts_on(const Params&, std::size_t) { return true; }
+  static std::vector<char> taken(const Params&) { return {}; }
   static const std::vector<Tet>& elements(const Model& model, const Params&) { return model.tets; }
 
   template <class T>
   static Rest<T> rest(const Model& model, const std::vector<Tet>&, std::size_t tet,
                       const Params& params, double) {
-    const Moduli moduli = Law::moduli(model.material(tet), params);
-    return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
-            .deviatoric = static_cast<T>(moduli.deviatoric * model.volume[tet]),
-            .hydrostatic = static_cast<T>(moduli.hydrostatic * model.volume[tet]),
-            .shape = Law::template shape<T>(params)};
+    return {constants<T>(lame(model.material(tet)), model.volume[tet], params),
+            cast<T>(model.rest_inverse[tet])};
   }
 
   template <class T>
+  SIM_HD static Mat3<T> gradient(const Rest<T>& rest, const Vec3<T> (&u)[4],
+                                 const Vec3<T> (&d)[4]) {
+    return displacement_gradient(u, d, rest.rest_inverse);
+  }
+  template <class T>
+  SIM_HD static void scatter(T s, const Mat3<T>& p, const Rest<T>& rest, Vec3<T> (&g)[4]) {
+    NeoHookean::scatter(s, p, rest.rest_inverse, g);
+  }
+  template <class T>
   SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> (&u)[4], const Vec3<T> (&d)[4],
                               Evaluation<T, rows, arity>& out) {
-    const Mat3<T> h = displacement_gradient(u, d, rest.rest_inverse);
+    evaluate_on<Hyperelastic>(rest, u, d, out);
+  }
+  // On an element of any shape, as NeoHookean::evaluate_on.
+  template <class Element, class T, int vertices = Element::arity>
+  SIM_HD static void evaluate_on(const typename Element::template Rest<T>& rest,
+                                 const Vec3<T> (&u)[vertices], const Vec3<T> (&d)[vertices],
+                                 Evaluation<T, rows, vertices>& out) {
+    const Mat3<T> h = Element::gradient(rest, u, d);
     const Deviator<T> deviator = Law::deviator(h, green_strain(h), rest.shape);
     const Mat3<T> cof_minus_i = NeoHookean::cofactor_strain(h);
     const T r = Law::stress_at_rest(rest.shape);
     const T c_d = square_root(Law::at_rest(rest.shape) + deviator.beyond_rest);
     const T j_minus_1 = NeoHookean::volume_strain(h);
-    const auto scatter = [&rest](T s, const Mat3<T>& p, Vec3<T>* g) {
-      NeoHookean::scatter(s, p, rest.rest_inverse, g);
-    };
     out.value[0] = c_d;
     out.value[1] = j_minus_1 - r * rest.deviatoric / rest.hydrostatic;
     out.remainder[0] = T(0);
     out.remainder[1] = j_minus_1;
     out.stiffness[0] = rest.deviatoric;
     out.stiffness[1] = rest.hydrostatic;
-    scatter(select(c_d > T(0), T(1) / c_d, T(0)), r * plus_identity(T(1), h) + deviator.x,
-            out.gradient[0]);
-    scatter(T(1), plus_identity(T(1), cof_minus_i), out.gradient[1]);
-    scatter(-rest.deviatoric, r * (h - cof_minus_i) + deviator.x, out.preload);
+    Element::scatter(select(c_d > T(0), T(1) / c_d, T(0)), r * plus_identity(T(1), h) + deviator.x,
+                     rest, out.gradient[0]);
+    Element::scatter(T(1), plus_identity(T(1), cof_minus_i), rest, out.gradient[1]);
+    Element::scatter(-rest.deviatoric, r * (h - cof_minus_i) + deviator.x, rest, out.preload);
   }
 
-  static double explicit_modulus(const Material& material, const Params&) {
-    const Lame constants = lame(material);
-    return constants.lambda + 2.0 * constants.mu;
+  static Lame lame_at(const Material& material, const Params&) { return lame(material); }
+  static double modulus_at_rest(const Lame& of, const Params&) { return of.lambda + 2.0 * of.mu; }
+  static double explicit_modulus(const Material& material, const Params& params) {
+    return Law::modulus_at_rest(lame(material), params);
   }
 
   // Psi(F) - Psi(I), J/m3.
   static double energy_density(const Material& material, const Params& params,
                                const Mat3<double>& h) {
-    const Moduli moduli = Law::moduli(material, params);
+    return energy_density(lame(material), params, h);
+  }
+  static double energy_density(const Lame& of, const Params& params, const Mat3<double>& h) {
+    const Moduli moduli = Law::moduli(of, params);
     const auto shape = Law::template shape<double>(params);
     const double j1 = NeoHookean::volume_strain(h);
     const double beyond = Law::deviator(h, green_strain(h), shape).beyond_rest;

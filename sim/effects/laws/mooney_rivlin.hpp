@@ -40,9 +40,8 @@ struct MooneyRivlin : Hyperelastic<MooneyRivlin, MooneyRivlinParams> {
   static Shape<T> shape(const Params& params) {
     return {static_cast<T>(params.second)};
   }
-  static Moduli moduli(const Material& material, const Params& params) {
-    const Lame constants = lame(material);
-    return {constants.mu, constants.lambda + (1.0 - params.second) * constants.mu};
+  static Moduli moduli(const Lame& of, const Params& params) {
+    return {of.mu, of.lambda + (1.0 - params.second) * of.mu};
   }
   template <class T>
   SIM_HD static T at_rest(const Shape<T>&) {

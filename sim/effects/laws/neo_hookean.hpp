@@ -22,15 +22,6 @@
 
 namespace viscera::sim {
 
-// The pair of constraints on an element of any shape, of which the law knows
-//   Rest<T>                         deviatoric and hydrostatic, k_D and k_H, J; mu_over_lambda
-//   gradient(rest, u, d)            H
-//   scatter(s, P, rest, g)          g_i = s P grad N_i
-template <class Element, class T, int arity = Element::arity>
-SIM_HD void evaluate_neo_hookean(const typename Element::template Rest<T>& rest,
-                                 const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity],
-                                 Evaluation<T, 2, arity>& out);
-
 struct NeoHookean {
   static constexpr const char* name = "neo_hookean";
   static constexpr const char* doc = "elastic tissue with each label's E and nu";
@@ -49,12 +40,24 @@ struct NeoHookean {
   static bool acts_on(const Params& params, std::size_t tet) {
     return params.taken.empty() || !params.taken[tet];
   }
+  static const std::vector<char>& taken(const Params& params) { return params.taken; }
 
+  // Of an element of any shape.
   template <class T>
-  struct Rest {
-    Mat3<T> rest_inverse;       // B, 1/m
+  struct Constants {
     T deviatoric, hydrostatic;  // k_D, k_H, J
     T mu_over_lambda;           // gamma - 1
+  };
+  template <class T>
+  static Constants<T> constants(const Lame& of, double volume, const Params&) {
+    const double lambda = of.neo_hookean_lambda();
+    return {static_cast<T>(of.mu * volume), static_cast<T>(lambda * volume),
+            static_cast<T>(of.mu / lambda)};
+  }
+
+  template <class T>
+  struct Rest : Constants<T> {
+    Mat3<T> rest_inverse;  // B, 1/m
   };
 
   static TetSubset elements(const Model& model, const Params& params) {
@@ -62,21 +65,40 @@ struct NeoHookean {
   }
 
   template <class T>
-  static Rest<T> rest(const Model& model, const TetSubset& tets, std::size_t e, const Params&,
-                      double) {
+  static Rest<T> rest(const Model& model, const TetSubset& tets, std::size_t e,
+                      const Params& params, double) {
     const std::size_t tet = tets.index[e];
-    const Lame constants = lame(model.material(tet));
-    const double lambda = constants.neo_hookean_lambda();
-    return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
-            .deviatoric = static_cast<T>(constants.mu * model.volume[tet]),
-            .hydrostatic = static_cast<T>(lambda * model.volume[tet]),
-            .mu_over_lambda = static_cast<T>(constants.mu / lambda)};
+    return {constants<T>(lame(model.material(tet)), model.volume[tet], params),
+            cast<T>(model.rest_inverse[tet])};
   }
 
   template <class T>
   SIM_HD static void evaluate(const Rest<T>& rest, const Vec3<T> (&u)[4], const Vec3<T> (&d)[4],
                               Evaluation<T, rows, arity>& out) {
-    evaluate_neo_hookean<NeoHookean>(rest, u, d, out);
+    evaluate_on<NeoHookean>(rest, u, d, out);
+  }
+  // The pair of constraints on an element of any shape, of which the law knows
+  //   Rest<T>                         Constants<T>, and what the other two need
+  //   gradient(rest, u, d)            H
+  //   scatter(s, P, rest, g)          g_i = s P grad N_i
+  template <class Element, class T, int vertices = Element::arity>
+  SIM_HD static void evaluate_on(const typename Element::template Rest<T>& rest,
+                                 const Vec3<T> (&u)[vertices], const Vec3<T> (&d)[vertices],
+                                 Evaluation<T, rows, vertices>& out) {
+    const Mat3<T> h = Element::gradient(rest, u, d);
+    const Mat3<T> cof_minus_i = NeoHookean::cofactor_strain(h);
+    const Mat3<T> f = plus_identity(T(1), h);
+    const T norm_f = square_root(squared_norm(f));
+    const T j_minus_1 = NeoHookean::volume_strain(h);
+    out.value[0] = norm_f;
+    out.value[1] = j_minus_1 - rest.mu_over_lambda;
+    out.remainder[0] = T(0);
+    out.remainder[1] = j_minus_1;
+    out.stiffness[0] = rest.deviatoric;
+    out.stiffness[1] = rest.hydrostatic;
+    Element::scatter(select(norm_f > T(0), T(1) / norm_f, T(0)), f, rest, out.gradient[0]);
+    Element::scatter(T(1), plus_identity(T(1), cof_minus_i), rest, out.gradient[1]);
+    Element::scatter(-rest.deviatoric, h - cof_minus_i, rest, out.preload);
   }
 
   template <class T>
@@ -90,9 +112,9 @@ struct NeoHookean {
   }
 
   static Lame lame_at(const Material& material, const Params&) { return lame(material); }
-  static double explicit_modulus(const Material& material, const Params&) {
-    const Lame constants = lame(material);
-    return constants.lambda + 2.0 * constants.mu;
+  static double modulus_at_rest(const Lame& of, const Params&) { return of.lambda + 2.0 * of.mu; }
+  static double explicit_modulus(const Material& material, const Params& params) {
+    return modulus_at_rest(lame(material), params);
   }
 
   // det(I + H) - 1 without the cancellation of det F - 1.
@@ -121,6 +143,9 @@ struct NeoHookean {
   }
 
   // Psi(F) - Psi(I), J/m3. Psi(I) = mu^2 / (2 lambda) is not zero.
+  static double energy_density(const Lame& constants, const Params&, const Mat3<double>& h) {
+    return energy_density(constants, h);
+  }
   static double energy_density(const Lame& constants, const Mat3<double>& h) {
     const double mu = constants.mu, lambda = constants.neo_hookean_lambda();
     const double j1 = volume_strain(h);                                                  // J - 1
@@ -136,25 +161,5 @@ struct NeoHookean {
     return energy_density(model.material(tet), h) * model.volume[tet];
   }
 };
-
-template <class Element, class T, int arity>
-SIM_HD void evaluate_neo_hookean(const typename Element::template Rest<T>& rest,
-                                 const Vec3<T> (&u)[arity], const Vec3<T> (&d)[arity],
-                                 Evaluation<T, 2, arity>& out) {
-  const Mat3<T> h = Element::gradient(rest, u, d);
-  const Mat3<T> cof_minus_i = NeoHookean::cofactor_strain(h);
-  const Mat3<T> f = plus_identity(T(1), h);
-  const T norm_f = square_root(squared_norm(f));
-  const T j_minus_1 = NeoHookean::volume_strain(h);
-  out.value[0] = norm_f;
-  out.value[1] = j_minus_1 - rest.mu_over_lambda;
-  out.remainder[0] = T(0);
-  out.remainder[1] = j_minus_1;
-  out.stiffness[0] = rest.deviatoric;
-  out.stiffness[1] = rest.hydrostatic;
-  Element::scatter(select(norm_f > T(0), T(1) / norm_f, T(0)), f, rest, out.gradient[0]);
-  Element::scatter(T(1), plus_identity(T(1), cof_minus_i), rest, out.gradient[1]);
-  Element::scatter(-rest.deviatoric, h - cof_minus_i, rest, out.preload);
-}
 
 }  // namespace viscera::sim

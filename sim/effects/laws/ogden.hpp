@@ -123,8 +123,8 @@ struct Ogden : Hyperelastic<Ogden, OgdenParams> {
     throw Refusal(Refusal::Cause::scene, "effects.ogden.share", std::to_string(sum) + " in all",
                   "shares that add up to 1: together they are the label's E");
   }
-  static double explicit_modulus(const Material& material, const Params& params) {
-    return params.share * Hyperelastic::explicit_modulus(material, params);
+  static double modulus_at_rest(const Lame& of, const Params& params) {
+    return params.share * Hyperelastic::modulus_at_rest(of, params);
   }
 
   template <class T>
@@ -133,17 +133,17 @@ struct Ogden : Hyperelastic<Ogden, OgdenParams> {
   static Shape<T> shape(const Params& params) {
     return Shape<T>::of(params.exponent);
   }
-  static Moduli moduli(const Material& material, const Params& params) {
-    const Lame constants = lame(material);
-    const double a = params.exponent, lambda = constants.lambda + 2.0 * constants.mu / a;
+  static Moduli moduli(const Lame& of, const Params& params) {
+    const double a = params.exponent, lambda = of.lambda + 2.0 * of.mu / a;
     if (!(lambda > 0.0)) {
       const double least = 1.0 / (2.0 + std::abs(a));  // lambda / mu = 2 nu / (1 - 2 nu) = -2 / a
       throw Refusal(
-          Refusal::Cause::scene, "materials.nu", std::to_string(material.poisson_ratio),
+          Refusal::Cause::scene, "materials.nu",
+          std::to_string(0.5 * of.lambda / (of.lambda + of.mu)),
           "above " + std::to_string(least) + " beside effects.ogden.exponent " + std::to_string(a),
           "a larger nu, or a positive exponent");
     }
-    return {params.share * 4.0 * constants.mu / (a * a), params.share * lambda};
+    return {params.share * 4.0 * of.mu / (a * a), params.share * lambda};
   }
   template <class T>
   SIM_HD static T at_rest(const Shape<T>&) {

@@ -98,11 +98,7 @@ class FemSolver final : public Solver, public FemRest {
     weight_ = free_masses(mesh_, system_);
     begin_anew();
     take_stiffness(model);
-    for (const auto& law : scene.params<SmoothedNeoHookean>()) {
-      smoothed_ = law;
-      smoothed_.made = SmoothedNeoHookean::domains(model, law);
-      mesh_.take(*smoothed_.made);
-    }
+    take_domains(model, scene);
     auto mass = std::make_unique<MassTerm>(mesh_.mass);
     mass_ = mass.get();
     terms_.push_back(std::move(mass));
@@ -271,6 +267,19 @@ class FemSolver final : public Solver, public FemRest {
     penalty_ = times(is_static(options_) ? static_penalty_factor : penalty_factor, stiffness_);
   }
 
+  // Those of a law on smoothed elements; several terms of one law are on the same.
+  void take_domains(const Model& model, const Scene& scene) {
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (is_smoothed<Effect>) {
+        const auto& laws = std::get<i>(scene.effects);
+        if (laws.empty()) return;
+        domains_ = Effect::domains(model, laws.front());
+        beside_groups_ = laws.front().beside_groups;
+        mesh_.take(*domains_);
+      }
+    });
+  }
+
   template <class Effect>
   void add_term(const Model& model, const Prepared<Effect, double>& effect) {
     if (needs_rate<Effect> && is_static(options_)) return;
@@ -284,7 +293,7 @@ class FemSolver final : public Solver, public FemRest {
     }
     if constexpr (std::is_same_v<Effect, MooneyRivlin> || std::is_same_v<Effect, Ogden>) {
       if (mesh_.order == 2) {
-        terms_.push_back(std::make_unique<HyperelasticTerm<Effect>>(mesh_, effect.rest));
+        terms_.push_back(std::make_unique<HyperelasticTerm<Effect, 10>>(mesh_, effect.rest));
         return;
       }
     }
@@ -294,9 +303,14 @@ class FemSolver final : public Solver, public FemRest {
     }
     if constexpr (std::is_same_v<Effect, SmoothedNeoHookean>) {
       terms_.push_back(std::make_unique<NeoHookeanTerm<Effect::arity>>(
-          model, mesh_, [law = smoothed_](const Model& now, std::size_t e) {
-            return SmoothedNeoHookean::lame_of(now, *law.made, e, law);
+          model, mesh_,
+          [domains = domains_, groups = beside_groups_](const Model& now, std::size_t e) {
+            const Lame mean = domains->mean_lame(now, e);
+            return groups ? GroupedVolume::of_edges(mean) : mean;
           }));
+    } else if constexpr (is_smoothed<Effect>) {
+      terms_.push_back(
+          std::make_unique<HyperelasticTerm<Effect, Effect::arity>>(mesh_, effect.rest));
     } else if constexpr (!std::is_same_v<Effect, NeoHookean>) {
       terms_.push_back(std::make_unique<EffectTerm<Effect>>(effect, program_.dt));
     }
@@ -530,7 +544,8 @@ class FemSolver final : public Solver, public FemRest {
   const bool is_smooth_;  // steps are of second order
   FemMesh mesh_;
   ContactOfLinearTets of_linear_tets_;
-  SmoothedNeoHookean::Params smoothed_;  // of smoothed elements, with their domains
+  std::shared_ptr<const EdgeDomains> domains_;  // of smoothed elements
+  bool beside_groups_ = false;                  // of tets, which have a part of the volume
   Program<double> program_;
   FemSystem system_;
   std::vector<double> elastic_, stiffness_, penalty_;  // [nodes] N/m; the second with inertia

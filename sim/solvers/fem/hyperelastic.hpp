@@ -1,5 +1,5 @@
-// The laws of effects/laws/hyperelastic.hpp on quadratic tets: per rest volume, with the gradient
-// b_i of node i's shape function,
+// The laws of effects/laws/hyperelastic.hpp on quadratic tets and on smoothed elements: per rest
+// volume, with the gradient b_i of node i's shape function,
 //
 //   dPsi/dx_i       = P b_i,   P = k (r (F - cof F) + X) + lambda (J - 1) cof F
 //   d2Psi/dx_i dx_j = b_i . dP/dF . b_j
@@ -14,13 +14,14 @@
 
 namespace viscera::sim {
 
-template <class Law>
+// Of an effect on elements of so many nodes.
+template <class Effect, int nodes>
 class HyperelasticTerm final : public FemTerm {
  public:
-  static constexpr int nodes = 10;
-  using Rest = typename Law::template Rest<double>;
+  using Law = law_of<Effect>;
+  using Rest = typename Effect::template Rest<double>;
 
-  // Refers to the mesh and to the tets' constants, as the linear tets of the effect have them.
+  // Refers to the mesh and to the elements' constants; quadratic tets have those of linear ones.
   HyperelasticTerm(const FemMesh& mesh, const std::vector<Rest>& rest)
       : elements_(mesh.elements<nodes>()), rest_(rest) {}
 
@@ -66,16 +67,16 @@ class HyperelasticTerm final : public FemTerm {
       function(point, 1.0 / element.point_count, gradient_at<nodes>(element.nodes, point, fields));
   }
 
-  // P times the tet's volume, N m.
+  // P times the element's volume, N m.
   template <class T>
-  static Mat3<T> stress(const typename Law::template Rest<T>& rest, const Mat3<T>& h) {
+  static Mat3<T> stress(const typename Effect::template Rest<T>& rest, const Mat3<T>& h) {
     const Mat3<T> cof_minus_i = NeoHookean::cofactor_strain(h);
     const T r = Law::stress_at_rest(rest.shape);
     return rest.deviatoric *
                (r * (h - cof_minus_i) + Law::deviator(h, green_strain(h), rest.shape).x) +
            (rest.hydrostatic * NeoHookean::volume_strain(h)) * plus_identity(T(1), cof_minus_i);
   }
-  // Of the whole tet, J.
+  // Of the whole element, J.
   static double energy(const Rest& rest, const Mat3<double>& h) {
     const double j1 = NeoHookean::volume_strain(h);
     const double beyond = Law::deviator(h, green_strain(h), rest.shape).beyond_rest;
@@ -90,7 +91,7 @@ class HyperelasticTerm final : public FemTerm {
       f.col[c] = {D::variable(h.col[c].x, 3 * c), D::variable(h.col[c].y, 3 * c + 1),
                   D::variable(h.col[c].z, 3 * c + 2)};
     }
-    const Mat3<D> p = stress<D>(as_constants<typename Law::template Rest<D>, D>(rest), f);
+    const Mat3<D> p = stress<D>(as_constants<typename Effect::template Rest<D>, D>(rest), f);
     Eigen::Matrix<double, 9, 9> slope;
     for (int c = 0; c < 3; ++c) {
       const D entries[3] = {p.col[c].x, p.col[c].y, p.col[c].z};

@@ -107,20 +107,24 @@ Samples of_smoothed_elements(const Model& model, const Scene& scene, const State
     value.volume_ratio = of_groups[t].volume_ratio;
     return value;
   };
-  for (const auto& params : scene.params<SmoothedNeoHookean>()) {
-    const auto domains = SmoothedNeoHookean::domains(model, params);
-    for (std::size_t d = 0; d < domains->size(); ++d) {
-      const Mat3<double> h = domains->displacement_gradient(d, state.u);
-      Sample sample{{}, domains->volume[d], {}};
-      for (const int t : domains->tets_of(d)) {
-        const double own = model.volume[t] / 6.0, share = own / sample.volume;
-        sample.place += share * centroid(model, t);
-        add(share, strained_tet(t, h), sample.value);
-        samples.of[t].push_back({static_cast<int>(samples.all.size()), own});
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (is_smoothed<Effect>) {
+      const auto& laws = std::get<i>(scene.effects);
+      if (laws.empty()) return;
+      const auto domains = Effect::domains(model, laws.front());  // those of all terms of a law
+      for (std::size_t d = 0; d < domains->size(); ++d) {
+        const Mat3<double> h = domains->displacement_gradient(d, state.u);
+        Sample sample{{}, domains->volume[d], {}};
+        for (const int t : domains->tets_of(d)) {
+          const double own = model.volume[t] / 6.0, share = own / sample.volume;
+          sample.place += share * centroid(model, t);
+          add(share, strained_tet(t, h), sample.value);
+          samples.of[t].push_back({static_cast<int>(samples.all.size()), own});
+        }
+        samples.all.push_back(sample);
       }
-      samples.all.push_back(sample);
     }
-  }
+  });
   return samples;
 }
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/effects/laws/smoothed_neo_hookean.hpp"
+#include "sim/effects/laws/smoothed.hpp"
 #include "sim/solvers/xpbd/eliminated.hpp"
 
 namespace viscera::sim {

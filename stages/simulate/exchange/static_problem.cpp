@@ -18,17 +18,16 @@ using export_text::mm_per_m, export_text::mpa_per_pa;
 template <class Effect, class... Others>
 constexpr bool is_any_of = (std::is_same_v<Effect, Others> || ...);
 
+// Groups of tets beside smoothed elements are a way to solve the law that these have.
 template <class Effect>
-constexpr bool rests_without_force = is_any_of<Effect, sim::Viscosity, sim::Prony>;
+constexpr bool adds_nothing = is_any_of<Effect, sim::Viscosity, sim::Prony, sim::GroupedVolume>;
 
-// Smoothed elements and groups of tets are ways to solve the same law.
 template <class Effect>
 constexpr std::optional<ElasticLaw> law_of() {
   using namespace sim;
-  if (is_any_of<Effect, NeoHookean, SmoothedNeoHookean, GroupedVolume>)
-    return ElasticLaw::neo_hookean;
-  if (std::is_same_v<Effect, MooneyRivlin>) return ElasticLaw::mooney_rivlin;
-  if (std::is_same_v<Effect, Ogden>) return ElasticLaw::ogden;
+  if (std::is_same_v<sim::law_of<Effect>, NeoHookean>) return ElasticLaw::neo_hookean;
+  if (std::is_same_v<sim::law_of<Effect>, MooneyRivlin>) return ElasticLaw::mooney_rivlin;
+  if (std::is_same_v<sim::law_of<Effect>, Ogden>) return ElasticLaw::ogden;
   if (std::is_same_v<Effect, StVK>) return ElasticLaw::stvk;
   if (std::is_same_v<Effect, Linear>) return ElasticLaw::linear;
   return {};
@@ -121,7 +120,7 @@ class Collector {
         out_.law_shape = shape_of(params);
       }
       law_ = law_of<Effect>();
-    } else if constexpr (!rests_without_force<Effect>) {
+    } else if constexpr (!adds_nothing<Effect>) {
       refuse(std::string("effects.") + Effect::name);
     }
   }

@@ -167,7 +167,10 @@ class SceneReader {
                                          .allowed = "the effects that are on, by name"});
     }
     std::vector<std::string> names = effect_names();
-    std::erase(names, sim::GroupedVolume::name);  // which `element` decides on
+    for (const char* const name :
+         {sim::GroupedVolume::name, sim::SmoothedMooneyRivlin::name, sim::SmoothedOgden::name}) {
+      std::erase(names, name);  // `element` decides on it
+    }
     check_keys(node, "effects.", names);
     sim::Effects::for_each([&]<class Effect, std::size_t i>() {
       const YAML::Node named = node[Effect::name];
@@ -186,10 +189,12 @@ class SceneReader {
                  "auto | linear | smoothed");
     }
     file_.element = found->second;
-    if (file_.element == sim::Element::smoothed && !file_.scene.has<sim::NeoHookean>()) {
-      throw fail(node, "element", "smoothed, without effects.neo_hookean",
-                 "smoothed elements of neo_hookean; other laws have linear tets",
-                 "name effects.neo_hookean, or leave element out");
+    const sim::Scene& scene = file_.scene;
+    if (file_.element == sim::Element::smoothed && !scene.has<sim::NeoHookean>() &&
+        !scene.has<sim::MooneyRivlin>() && !scene.has<sim::Ogden>()) {
+      throw fail(node, "element", "smoothed, without neo_hookean, mooney_rivlin or ogden",
+                 "smoothed elements of these; other laws have linear tets",
+                 "name one of them under effects, or leave element out");
     }
   }
 

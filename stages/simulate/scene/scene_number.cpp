@@ -76,7 +76,9 @@ Found number_of(sim::Scene& scene, Names names) {
   Found found;
   sim::Effects::for_each([&]<class Effect, std::size_t i>() {
     auto& named = std::get<i>(scene.effects);
-    if (names.empty() || names[0] != Effect::name || named.empty()) return;
+    // A scene names the law, whatever its elements.
+    if (names.empty() || named.empty()) return;
+    if (names[0] != Effect::name && names[0] != sim::law_of<Effect>::name) return;
     Names rest = names.subspan(1);
     std::size_t which = 0;
     if (!rest.empty() && rest[0].size() == 1 && rest[0][0] >= '0' && rest[0][0] <= '9') {

@@ -79,7 +79,8 @@ TEST(TetGroups, NeverMixLabelsNorTakeTetsThatAreLeftOut) {
 }
 
 // A bar of 10 x 3 x 3 cm that hangs from one end, by 540 tets, off quadratic tets.
-double percent_off_quadratic_tets(double poisson_ratio, Element element) {
+double percent_off_quadratic_tets(double poisson_ratio, Element element,
+                                  const Scene& tissue = elastic_scene()) {
   Material material = bar_material;
   material.poisson_ratio = poisson_ratio;
   Model model = make_box({0.1, 0.03, 0.03}, {10, 3, 3}, material);
@@ -87,7 +88,7 @@ double percent_off_quadratic_tets(double poisson_ratio, Element element) {
     model.fixed[v] = model.rest[v].x < -0.05 + 1e-9;
   }
   const auto rest = [&](Element kind) {
-    Scene scene = elastic_scene();
+    Scene scene = tissue;
     scene.params<Gravity>().emplace_back();
     set_element(scene.effects, kind, poisson_ratio);
     return equilibrium(model, scene, kind == Element::quadratic ? 2 : 1).u;
@@ -102,6 +103,18 @@ TEST(GroupedVolume, KeepsABarFromLocking) {
     EXPECT_LT(percent_off_quadratic_tets(nu, Element::smoothed), 4.0) << nu;
   }
   EXPECT_GT(percent_off_quadratic_tets(0.49, Element::linear), 60.0);
+}
+
+TEST(GroupedVolume, KeepsBarsOfOtherLawsFromLocking) {
+  Scene mooney, ogden;
+  mooney.params<MooneyRivlin>().push_back({0.4});
+  ogden.params<Ogden>() = {{-4.7, 0.6}, {5.0, 0.4}};
+  for (const Scene& tissue : {mooney, ogden}) {
+    for (const double nu : {0.49, 0.499}) {
+      EXPECT_LT(percent_off_quadratic_tets(nu, Element::smoothed, tissue), 4.0) << nu;
+    }
+    EXPECT_GT(percent_off_quadratic_tets(0.49, Element::linear, tissue), 60.0);
+  }
 }
 
 // m, of the mean displacement of a cube of 384 tets that hangs from its top.
