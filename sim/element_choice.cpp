@@ -14,12 +14,11 @@ void for_each_smoothed(Visit&& visit) {
   });
 }
 
-// Of these exponents the part of lambda that edges keep beside groups (lambda_of_edges()) would not
-// be enough: lambda + 2 mu / a, with a lambda of 3/2 mu at least.
+// Whether an exponent a of Ogden's law would be left too little of lambda by groups: the law's own,
+// lambda + 2 mu / a (ogden.hpp), is to be mu / 2 at least with what edges keep of any tissue.
 bool needs_all_of_lambda(const Effects::Choice& effects) {
-  const auto needs = [](const OgdenParams& law) {
-    return law.exponent < 0.0 && law.exponent > -1.34;
-  };
+  const double kept = lambda_of_edges({1e9, 1.0});  // over mu, of the most incompressible
+  const auto needs = [kept](const OgdenParams& law) { return kept + 2.0 / law.exponent < 0.5; };
   return std::ranges::any_of(std::get<std::vector<Ogden::Params>>(effects), needs) ||
          std::ranges::any_of(std::get<std::vector<SmoothedOgden::Params>>(effects), needs);
 }
@@ -39,7 +38,7 @@ std::string why_not_smoothed(const Scene& scene, const SolverOptions& options) {
   }
   if (options.method == Method::pbd) return "PBD knows no strain to average";
   if (needs_all_of_lambda(scene.effects)) {
-    return "ogden's exponent is between -1.34 and 0, for which edges keep too little of lambda";
+    return "ogden's exponent is between -2 and 0, for which edges keep too little of lambda";
   }
   return "";
 }

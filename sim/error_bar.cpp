@@ -128,7 +128,11 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     if (missing.empty()) {
       bar.surface_unknown = "the mesh does not say where the labels end";
     } else {
-      all.by_surface = moved_by_surface(model, scene, quadratic, missing, pause_point);
+      try {
+        all.by_surface = moved_by_surface(model, scene, quadratic, missing, pause_point);
+      } catch (const Diverged& problem) {
+        bar.surface_unknown = problem.what();
+      }
     }
     all.smoothed = smoothed.u;
     if (const auto other = other_supports(model, scene)) {

@@ -209,7 +209,14 @@ void keep_forms(const Scene& from, Scene& to) {
   to.params<GroupedVolume>() = from.params<GroupedVolume>();
   to.params<Corotational>() = from.params<Corotational>();
   Effects::for_each([&]<class Effect, std::size_t i>() {
-    if constexpr (is_smoothed<Effect>) std::get<i>(to.effects) = std::get<i>(from.effects);
+    if constexpr (is_smoothed<Effect>) {
+      const auto& made = std::get<i>(from.effects);
+      auto& laws = std::get<i>(to.effects);
+      for (std::size_t k = 0; k < std::min(made.size(), laws.size()); ++k) {
+        laws[k].made = made[k].made;
+        if constexpr (std::is_same_v<Effect, SmoothedNeoHookean>) laws[k].taken = made[k].taken;
+      }
+    }
   });
 }
 

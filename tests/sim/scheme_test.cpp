@@ -6,6 +6,7 @@
 
 #include "sim/base/refusal.hpp"
 #include "sim/element_choice.hpp"
+#include "sim/measures/stability.hpp"
 #include "sim/model/partition.hpp"
 #include "sim/scheme_choice.hpp"
 #include "tests/sim/shapes.hpp"
@@ -276,6 +277,21 @@ TEST(ElementChoice, IsMadeForEveryLawOfTheTissueAndTakenBack) {
   set_element(scene.effects, Element::quadratic, 0.45);
   EXPECT_EQ(scene.params<NeoHookean>().size(), 2u);
   EXPECT_FALSE(scene.has<SmoothedNeoHookean>());
+}
+
+// What a schedule changes of a law is not what another setting's scene had.
+TEST(ElementChoice, IsKeptFromSceneToSceneWithoutTheNumbersOfTheLaw) {
+  const Model model = make_cube(2);
+  Scene before, after;
+  before.params<Ogden>() = {{-4.7, 1.0}};
+  after.params<Ogden>() = {{5.0, 1.0}};
+  for (Scene* scene : {&before, &after}) set_element(scene->effects, Element::smoothed, 0.3);
+  apply_policy(model, before, {});
+  keep_forms(before, after);
+  EXPECT_EQ(after.params<SmoothedOgden>().front().exponent, 5.0);
+  EXPECT_NE(after.params<SmoothedOgden>().front().made, nullptr);
+  EXPECT_EQ(after.params<SmoothedOgden>().front().made,
+            before.params<SmoothedOgden>().front().made);
 }
 
 TEST(ElementChoice, KeepsTheNumbersOfALawAndGivesItsTermsOneVolume) {

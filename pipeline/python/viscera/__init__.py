@@ -102,7 +102,8 @@ class Simulation(_viscera.Simulation):
         Of the state of now, which should be at rest: what it lacks of that is in the solver's part. Lengths in mm,
         root mean squares of the displacement over the body: `total`, which is no less than the true error where
         nothing is known to the contrary, its parts `solver`, `element`, `mesh`, `support` and `surface` (None where
-        the mesh does not say how far the labels end from it), and `share`, the total as a part of the displacement. `quantities`: the total of each label's centroid and each probe, by name.
+        the mesh does not say how far the labels end from it), and `share`, the total as a part of the displacement.
+        `quantities`: the total of each label's centroid and each probe, by name.
         `size_field`: the mesh with the cell sizes at which all tets would have the same part in the error, for
         `labels.tet_mesh(size_field=..., target_tets=...)`. Raises RuntimeError where the error is not known.
         """

@@ -120,7 +120,7 @@ viscera.keyFigures = function (report) {
   const off = viscera.metric(report, "simulate", "error_total");
   if (typeof off === "number") {
     add("Error at rest", viscera.quantity(Number(off.toPrecision(2)), "mm"),
-        "root mean square, or less: solver, elements, mesh, supports and surface");
+        "root mean square, or less; its parts stand above");
   } else if (typeof error === "number") {
     add("Solver's error at rest", viscera.quantity(Number((100 * error).toPrecision(2)), "percent"),
         "predicted bound; the error of elements and mesh comes besides (simulate: certify)");

@@ -18,7 +18,8 @@ using export_text::mm_per_m, export_text::mpa_per_pa;
 template <class Effect, class... Others>
 constexpr bool is_any_of = (std::is_same_v<Effect, Others> || ...);
 
-// Groups of tets beside smoothed elements are a way to solve the law that these have.
+// To the static problem: what has no force at rest, and groups of tets, which have a part of the
+// law that smoothed elements beside them name.
 template <class Effect>
 constexpr bool adds_nothing = is_any_of<Effect, sim::Viscosity, sim::Prony, sim::GroupedVolume>;
 
