@@ -61,9 +61,7 @@ struct Hyperelastic {
   }
 
   template <class T>
-  struct Rest : Constants<T> {
-    Mat3<T> rest_inverse;  // B, 1/m
-  };
+  struct Rest : TetShape<T>, Constants<T> {};
 
   static bool acts_on(const Params&, std::size_t) { return true; }
   static std::vector<char> taken(const Params&) { return {}; }
@@ -72,8 +70,8 @@ struct Hyperelastic {
   template <class T>
   static Rest<T> rest(const Model& model, const std::vector<Tet>&, std::size_t tet,
                       const Params& params, double) {
-    return {constants<T>(lame(model.material(tet)), model.volume[tet], params),
-            cast<T>(model.rest_inverse[tet])};
+    return {{cast<T>(model.rest_inverse[tet])},
+            constants<T>(lame(model.material(tet)), model.volume[tet], params)};
   }
 
   template <class T>

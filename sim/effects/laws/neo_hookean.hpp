@@ -22,6 +22,12 @@
 
 namespace viscera::sim {
 
+// What a linear tet's strain takes.
+template <class T>
+struct TetShape {
+  Mat3<T> rest_inverse;  // B, 1/m
+};
+
 struct NeoHookean {
   static constexpr const char* name = "neo_hookean";
   static constexpr const char* doc = "elastic tissue with each label's E and nu";
@@ -55,10 +61,9 @@ struct NeoHookean {
             static_cast<T>(of.mu / lambda)};
   }
 
+  // The shape first: members of an ensemble that differ by their materials share it (planes.hpp).
   template <class T>
-  struct Rest : Constants<T> {
-    Mat3<T> rest_inverse;  // B, 1/m
-  };
+  struct Rest : TetShape<T>, Constants<T> {};
 
   static TetSubset elements(const Model& model, const Params& params) {
     return tets_where(model, params.taken, false);
@@ -68,8 +73,8 @@ struct NeoHookean {
   static Rest<T> rest(const Model& model, const TetSubset& tets, std::size_t e,
                       const Params& params, double) {
     const std::size_t tet = tets.index[e];
-    return {constants<T>(lame(model.material(tet)), model.volume[tet], params),
-            cast<T>(model.rest_inverse[tet])};
+    return {{cast<T>(model.rest_inverse[tet])},
+            constants<T>(lame(model.material(tet)), model.volume[tet], params)};
   }
 
   template <class T>

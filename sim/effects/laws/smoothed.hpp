@@ -41,10 +41,13 @@ struct Smoothed {
   static constexpr auto fields() { return fields_of<Params>(Law::fields()); }
   static bool acts_on(const Params& params, std::size_t tet) { return Law::acts_on(params, tet); }
 
+  // The shape first, as of tets.
   template <class T>
-  struct Rest : Law::template Constants<T> {
+  struct DomainShape {
     AveragedGradient<T, arity> average;
   };
+  template <class T>
+  struct Rest : DomainShape<T>, Law::template Constants<T> {};
 
   // For the tets that the law acts on.
   static std::shared_ptr<const EdgeDomains> domains(const Model& model, const Params& params) {
@@ -67,8 +70,8 @@ struct Smoothed {
   static Rest<T> rest(const Model& model, const EdgeDomains& domains, std::size_t e,
                       const Params& params, double) {
     return {
-        Law::template constants<T>(lame_of(model, domains, e, params), domains.volume[e], params),
-        AveragedGradient<T, arity>::of(domains.gradient[e])};
+        {AveragedGradient<T, arity>::of(domains.gradient[e])},
+        Law::template constants<T>(lame_of(model, domains, e, params), domains.volume[e], params)};
   }
 
   template <class T>
