@@ -11,10 +11,10 @@ namespace viscera::sim {
 namespace {
 
 // How well the one linear system is solved.
-constexpr double tolerance = 1e-8;
+constexpr double solved_to = 1e-8;
 
 // The rule of three points on a triangle, exact to degree 2 (Hammer and Stroud 1956).
-constexpr double near = 2.0 / 3.0, far = 1.0 / 6.0;
+constexpr double own_share = 2.0 / 3.0, other_share = 1.0 / 6.0;
 
 class Layer {
  public:
@@ -48,7 +48,8 @@ class Layer {
     const Tet& tet = model_.tets[face.tet];
     std::array<double, 4> l{};
     for (int k = 0; k < 4; ++k) {
-      if (std::ranges::count(face.vertices, tet[k]) > 0) l[k] = tet[k] == vertex ? near : far;
+      if (std::ranges::count(face.vertices, tet[k]) > 0)
+        l[k] = tet[k] == vertex ? own_share : other_share;
     }
     const auto& nodes = mesh_.quadratic[face.tet].nodes;
     const QuadraturePoint<10> point{
@@ -81,7 +82,7 @@ std::vector<Vec3<double>> moved_by_surface(const Model& model, const Scene& scen
   const Scene quadratic = with_element(Element::quadratic, model.largest_poisson_ratio(), scene);
   if (pause_point) pause_point();
   const auto rest = make_fem_rest(model, quadratic,
-                                  newton_options(Element::quadratic, tolerance, pause_point), end);
+                                  newton_options(Element::quadratic, solved_to, pause_point), end);
   auto moved = rest->moved_by(Layer(model, quadratic, end).forces(missing));
   moved.resize(model.vertex_count());
   return moved;
