@@ -183,9 +183,8 @@ class SceneRows {
     // A scene gives the frames' rate; elements are another word for the same law.
     std::vector<std::string> written = name;
     if (full == "time.frame") written.back() = "frame_rate";
-    constexpr std::string_view smoothed = "smoothed_";
-    if (written.size() > 1 && written[1].starts_with(smoothed))
-      written[1].erase(0, smoothed.size());
+    constexpr std::string_view prefix = "smoothed_";
+    if (written.size() > 1 && written[1].starts_with(prefix)) written[1].erase(0, prefix.size());
     if (written.size() > 1 && written[1] == "grouped_volume") written[1] = "neo_hookean";
     const auto found = text_.find(written);
     if (!found) return {is_substeps ? "unknown" : "default", ""};
