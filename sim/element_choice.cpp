@@ -25,14 +25,18 @@ bool needs_all_of_lambda(const Effects::Choice& effects) {
 
 }  // namespace
 
-std::string why_not_smoothed(const Scene& scene, const SolverOptions& options) {
-  if (options.method == Method::fem && options.fem.order == 2)
-    return "quadratic tets are asked for";
+bool has_law_to_smooth(const Scene& scene) {
   bool has_law = false;
   for_each_smoothed([&]<class Effect>() {
     has_law = has_law || scene.has<Effect>() || scene.has<typename Effect::Law>();
   });
-  if (!has_law) {
+  return has_law;
+}
+
+std::string why_not_smoothed(const Scene& scene, const SolverOptions& options) {
+  if (options.method == Method::fem && options.fem.order == 2)
+    return "quadratic tets are asked for";
+  if (!has_law_to_smooth(scene)) {
     return "the scene has none of neo_hookean, mooney_rivlin and ogden, which alone can be "
            "smoothed";
   }

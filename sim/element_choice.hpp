@@ -15,6 +15,9 @@ struct ElementChoice {
   std::string why;  // half a sentence: "the nearest to the body for its time"
 };
 
+// Whether a scene has a law that can be smoothed, on whatever elements.
+bool has_law_to_smooth(const Scene& scene);
+
 // What smoothed elements would have to do that they cannot; "": nothing. A clause.
 std::string why_not_smoothed(const Scene& scene, const SolverOptions& options);
 

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "sim/base/refusal.hpp"
+#include "sim/element_choice.hpp"
 #include "sim/equilibrium.hpp"
 #include "sim/solvers/solver.hpp"
 #include "sim/surface_error.hpp"
@@ -104,8 +105,7 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
                    std::span<const double> missing) {
   const Element own = element_of(scene, order);
   ErrorBar bar;
-  if (!has_smoothed(scene) && !scene.has<NeoHookean>() && !scene.has<MooneyRivlin>() &&
-      !scene.has<Ogden>()) {
+  if (!has_law_to_smooth(scene)) {  // those that quadratic tets know
     bar.unknown = "quadratic tets know neo_hookean, mooney_rivlin and ogden alone";
     return bar;
   }

@@ -304,9 +304,9 @@ class FemSolver final : public Solver, public FemRest {
     if constexpr (std::is_same_v<Effect, SmoothedNeoHookean>) {
       terms_.push_back(std::make_unique<NeoHookeanTerm<Effect::arity>>(
           model, mesh_,
-          [domains = domains_, groups = beside_groups_](const Model& now, std::size_t e) {
-            const Lame mean = domains->mean_lame(now, e);
-            return groups ? GroupedVolume::of_edges(mean) : mean;
+          [law = SmoothedNeoHookean::Params{{}, domains_, beside_groups_}](const Model& now,
+                                                                           std::size_t e) {
+            return SmoothedNeoHookean::lame_of(now, *law.made, e, law);
           }));
     } else if constexpr (is_smoothed<Effect>) {
       terms_.push_back(

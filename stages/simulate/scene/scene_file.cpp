@@ -189,9 +189,7 @@ class SceneReader {
                  "auto | linear | smoothed");
     }
     file_.element = found->second;
-    const sim::Scene& scene = file_.scene;
-    if (file_.element == sim::Element::smoothed && !scene.has<sim::NeoHookean>() &&
-        !scene.has<sim::MooneyRivlin>() && !scene.has<sim::Ogden>()) {
+    if (file_.element == sim::Element::smoothed && !sim::has_law_to_smooth(file_.scene)) {
       throw fail(node, "element", "smoothed, without neo_hookean, mooney_rivlin or ogden",
                  "smoothed elements of these; other laws have linear tets",
                  "name one of them under effects, or leave element out");
