@@ -11,6 +11,7 @@
 
 #include "sim/backend/cpu/pack.hpp"
 #include "sim/base/range.hpp"
+#include "sim/base/refusal.hpp"
 #include "sim/model/coloring.hpp"
 #include "sim/scene/list.hpp"
 #include "sim/solvers/xpbd/program.hpp"
@@ -211,16 +212,26 @@ void fill_sweeps_baseline(SweepTables& tables);
 void fill_sweeps_avx2(SweepTables& tables);
 void fill_sweeps_avx512(SweepTables& tables);
 
-// Those that this machine can run, the fastest last.
+// Those that were compiled and that this machine can run, the fastest last. Throws Refusal where
+// there are none.
 inline std::vector<SweepTables> runnable_sweeps() {
   std::vector<SweepTables> sweeps;
+#if defined(VISCERA_SWEEP_baseline)
   fill_sweeps_baseline(sweeps.emplace_back());
-#if defined(VISCERA_AVX)
+#endif
+#if defined(VISCERA_SWEEP_avx2)
   if (__builtin_cpu_supports("avx2")) fill_sweeps_avx2(sweeps.emplace_back());
+#endif
+#if defined(VISCERA_SWEEP_avx512)
   if (__builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq")) {
     fill_sweeps_avx512(sweeps.emplace_back());
   }
 #endif
+  if (sweeps.empty()) {
+    throw Refusal(Refusal::Cause::device, "device", "a processor that this build was not made for",
+                  "the processor that make run compiled for, or a newer one",
+                  "compile here, or for every processor with make build");
+  }
   return sweeps;
 }
 
