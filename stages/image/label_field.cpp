@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numeric>
 
 #include "sim/base/parallel.hpp"
 
@@ -62,6 +64,13 @@ Field convolve(const Frame& frame, const Field& in, int axis, const std::vector<
   return out;
 }
 
+// `sigma` in mm.
+Field gaussian(const Frame& frame, Field field, double sigma) {
+  for (int axis = 0; axis < 3; ++axis)
+    field = convolve(frame, field, axis, gaussian_taps(sigma / frame.spacing[axis]));
+  return field;
+}
+
 std::array<float, 8> corners(const Frame& frame, const Field& field, std::size_t at) {
   const std::size_t dy = frame.size[0], dz = dy * static_cast<std::size_t>(frame.size[1]);
   return {field[at],      field[at + 1],      field[at + dy],      field[at + dy + 1],
@@ -85,6 +94,29 @@ double fraction_above(const std::array<float, 8>& c, double level) {
   return above / 27.0;
 }
 
+// Of each voxel, the mean over the eight cells around it of what `wanted`, a mask, has in the cell
+// beyond the interior of `field` above 1/2: parts of a cell, in [-1, 1].
+Field lacking(const Frame& frame, const Field& wanted, const Field& field) {
+  const auto nx = static_cast<std::size_t>(frame.size[0]);
+  const std::size_t plane = nx * static_cast<std::size_t>(frame.size[1]);
+  Field by_cell(field.size(), 0.0f);  // at the cell's first corner
+  sim::parallel_ranges(static_cast<std::size_t>(frame.size[2] - 1), [&](auto begin, auto end) {
+    for (std::size_t k = begin; k < end; ++k)
+      for (int j = 0; j + 1 < frame.size[1]; ++j)
+        for (std::size_t i = 0; i + 1 < nx; ++i) {
+          const std::size_t at = k * plane + static_cast<std::size_t>(j) * nx + i;
+          const auto has = corners(frame, wanted, at);
+          const float sum = std::accumulate(has.begin(), has.end(), 0.0f);
+          by_cell[at] =
+              static_cast<float>(sum / 8.0 - fraction_above(corners(frame, field, at), 0.5));
+        }
+  });
+  // Along each axis half of a cell's value goes to either side.
+  const Field halves = {0.5f, 0.5f, 0.0f};
+  for (int axis = 0; axis < 3; ++axis) by_cell = convolve(frame, by_cell, axis, halves);
+  return by_cell;
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> mask_of(const LabelImage& image, int label) {
@@ -96,9 +128,19 @@ std::vector<std::uint8_t> mask_of(const LabelImage& image, int label) {
 }
 
 Field smooth(const Frame& frame, const std::vector<std::uint8_t>& mask, double sigma) {
-  Field field(mask.begin(), mask.end());
-  for (int axis = 0; axis < 3; ++axis)
-    field = convolve(frame, field, axis, gaussian_taps(sigma / frame.spacing[axis]));
+  return gaussian(frame, Field(mask.begin(), mask.end()), sigma);
+}
+
+Field smooth_keeping_volume(const Frame& frame, const std::vector<std::uint8_t>& mask,
+                            double sigma) {
+  constexpr int times = 2;
+  constexpr double wider = 1.5;
+  const Field wanted(mask.begin(), mask.end());
+  Field field = gaussian(frame, wanted, sigma);
+  for (int time = 0; time < times; ++time) {
+    const Field back = gaussian(frame, lacking(frame, wanted, field), wider * sigma);
+    std::transform(field.begin(), field.end(), back.begin(), field.begin(), std::plus());
+  }
   return field;
 }
 

@@ -140,7 +140,7 @@ MatchedSurface surface_of(const Mask& mask, int label, const Settings& settings,
   if (settings.keep_thin) {
     kept = smooth_keeping_thin(mask, settings.sigma);
   } else {
-    kept.field = smooth(mask.frame, mask.inside, settings.sigma);
+    kept.field = smooth_keeping_volume(mask.frame, mask.inside, settings.sigma);
   }
   thin_voxels = kept.voxels;
   return match_volume(mask, kept.field, label, settings.min_shell);
@@ -294,7 +294,7 @@ SurfaceMesh make_surfaces(StageRun& run, const LabelImage& image) {
 Stage surface_stage() {
   Stage stage;
   stage.info = {.name = "surface",
-                .version = "3",
+                .version = "4",
                 .doc = "A label volume to one smooth closed surface per label.",
                 .inputs = {{.role = "labels",
                             .doc = "labels.nrrd of viscera-labels (background around each label)"}},

@@ -20,7 +20,7 @@ void for_each_around(const Frame& frame, std::size_t v, int reach, Visit visit) 
 }  // namespace
 
 KeptThin smooth_keeping_thin(const Mask& mask, double sigma) {
-  KeptThin kept{.field = smooth(mask.frame, mask.inside, sigma)};
+  KeptThin kept{.field = smooth_keeping_volume(mask.frame, mask.inside, sigma)};
   const auto inside = [&kept](std::size_t v) { return kept.field[v] > 0.5f; };
   std::vector<std::uint8_t> near;
   for (std::size_t v = 0; v < mask.inside.size(); ++v) {

@@ -338,7 +338,8 @@ Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& qu
   if (!wanted.time.materials.empty())
     report["time_step"] = judge_time_step(run, mesh, quality, wanted.time);
   if (wanted.tets)
-    run.gate(mesh_gates::target_tets, std::abs(count(mesh.tets.size()) / *wanted.tets - 1.0), 0.1);
+    run.gate(mesh_gates::target_tets, std::abs(count(mesh.tets.size()) / *wanted.tets - 1.0),
+             allowed_off_target);
   report["smoothness"] = volume_smoothness(mesh, quality);
   report["measures"] = summary;
   for (const auto& [name, value] : report.items())

@@ -25,6 +25,9 @@ struct Wanted {
   TimeGoal time;
 };
 
+// By which share of the tets asked for a mesh may have more or fewer.
+inline constexpr double allowed_off_target = 0.1;
+
 // Adds the gates and metrics of `mesh` to the run; returns what quality.json says.
 Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& quality,
            const Wanted& wanted);

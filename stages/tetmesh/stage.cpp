@@ -227,12 +227,58 @@ double settle_cell_size(const StageRun& run, MeshJob& job, const Target& target)
   return cell_size;
 }
 
+// How many tets of a mesh are too many or too few for its target, as a logarithm.
+double off_target(const TetMesh& mesh, const Target& target) {
+  if (!target) return 0.0;
+  return std::log(std::max(1.0, static_cast<double>(mesh.tets.size())) /
+                  static_cast<double>(*target));
+}
+
+// The larger of what a mesh is off its target and what its angles lack, in units of what their
+// gates allow.
+double missed(const TetMesh& mesh, const Target& target, double min_dihedral_deg) {
+  double miss = std::abs(std::expm1(off_target(mesh, target))) / allowed_off_target;
+  if (min_dihedral_deg <= 0.0) return miss;
+  for (const TetQuality& tet : measure(mesh))
+    miss = std::max(miss, min_dihedral_deg / std::max(tet[dihedral_min], 1e-6));
+  return miss;
+}
+
+// How many tets a cell size gives, and which of them the border of a region cuts flat, is by
+// chance: where a gate would fail for that, nearly the same cell size mostly passes.
+MeshJob::Result mesh_of(const StageRun& run, const MeshJob& job, const Target& target,
+                        double& cell_size) {
+  constexpr int retries = 4;
+  constexpr double apart = 0.015;
+  const double least_angle = job.has_regions() ? run.param<double>("min_dihedral") : 0.0;
+  const double asked = cell_size;
+  double tried = asked;
+  MeshJob::Result best = job.mesh(tried);
+  double miss = missed(best.mesh, target, least_angle), off = off_target(best.mesh, target);
+  for (int retry = 1; retry <= retries && miss > 1.0; ++retry) {
+    if (std::abs(std::expm1(off)) > allowed_off_target) {
+      tried *= std::exp(off / 3.0);
+    } else {
+      const int steps = (retry + 1) / 2;
+      tried = asked * (1.0 + (retry % 2 == 1 ? -steps : steps) * apart);
+    }
+    MeshJob::Result other = job.mesh(tried);
+    const double missed_now = missed(other.mesh, target, least_angle);
+    off = off_target(other.mesh, target);
+    log::info("cells of {:.3f} mm miss a gate by a factor of {:.2f}, of {:.3f} mm {}", cell_size,
+              miss, tried, missed_now <= 1.0 ? "none" : fmt::format("by {:.2f}", missed_now));
+    if (missed_now >= miss) continue;
+    miss = missed_now, cell_size = tried, best = std::move(other);
+  }
+  return best;
+}
+
 // A mesh whose altitudes are large enough for the substeps asked for. They grow with the cell size,
 // but unevenly: steps are shorter than what is missing, so as not to end coarser than needed.
 MeshJob::Result mesh_for(const StageRun& run, MeshJob& job, const TimeGoal& goal,
                          const Target& target, double& cell_size) {
   log::progress("tets", 0.3, "refining");
-  MeshJob::Result result = job.mesh(cell_size);
+  MeshJob::Result result = mesh_of(run, job, target, cell_size);
   if (target) return result;
   for (int attempt = 1; attempt < coarsenings; ++attempt) {
     const double factor =
@@ -408,7 +454,7 @@ Stage tetmesh_stage() {
   Stage stage;
   stage.info = {
       .name = "tetmesh",
-      .version = "9",
+      .version = "10",
       .doc = "Labels or a surface to a conforming tetrahedral mesh with its quality.",
       .inputs = {{.role = "labels", .required = false, .doc = "labels.nrrd of viscera-labels"},
                  {.role = "surface",

@@ -47,15 +47,24 @@ TEST(MaterialFields, ItsSurfaceMovesInProportionToItsShare) {
   });
   MaterialFields fields(image, 1.2);
   const Frame& frame = image.frame;
-  const auto edge = [&](double way) {  // along z, from the middle of the ball
-    double inside = 10.0, outside = 28.0;
-    while (outside - inside > 1e-6) {
-      const double z = 0.5 * (inside + outside);
-      const Vec p{23.5 * frame.spacing[0], 23.5 * frame.spacing[1],
-                  23.5 * frame.spacing[2] + way * z};
-      (fields.at(p) == 1 ? inside : outside) = z;
+  // From the middle of the ball upwards or downwards; the mean of directions, since steps of voxels
+  // are left in the field.
+  const auto edge = [&](double way) {
+    double sum = 0.0;
+    for (int direction = 0; direction < 64; ++direction) {
+      const double x = 0.1 * (direction % 8 - 3.5), y = 0.1 * (direction / 8 - 3.5);
+      const double scale = 1.0 / std::hypot(x, y, 1.0);
+      double inside = 10.0, outside = 28.0;
+      while (outside - inside > 1e-6) {
+        const double r = 0.5 * (inside + outside);
+        const Vec p{23.5 * frame.spacing[0] + scale * x * r,
+                    23.5 * frame.spacing[1] + scale * y * r,
+                    23.5 * frame.spacing[2] + way * scale * r};
+        (fields.at(p) == 1 ? inside : outside) = r;
+      }
+      sum += inside / 64.0;
     }
-    return inside;
+    return sum;
   };
   const double up = edge(1.0), down = edge(-1.0);
   Field share(frame.voxels());

@@ -46,6 +46,46 @@ TEST(LabelField, AGaussianKeepsTheSumAndIsTheSameAlongEveryAxisInMm) {
   EXPECT_NEAR(x / field[image.frame.index(20, 20, 20)], std::exp(-0.5), 1e-3);
 }
 
+// At level one half, as parts of a plate's own volume.
+TEST(LabelField, WhatAGaussianTakesFromThinPartsAndEdgesIsPutBack) {
+  const LabelImage plate = testing::draw(36, {1.0, 1.0, 1.0}, [](double x, double y, double z) {
+    return std::abs(x) < 10 && std::abs(y) < 10 && std::abs(z) < 1.5 ? 1 : 0;
+  });
+  const auto mask = mask_of(plate, 1);
+  const double volume = static_cast<double>(std::count(mask.begin(), mask.end(), 1));
+  const auto lost = [&](const Field& field) {
+    return std::abs(1.0 - volume_above(plate.frame, field, 0.5) / volume);
+  };
+  const double by_gaussian = lost(smooth(plate.frame, mask, 1.2));
+  EXPECT_GT(by_gaussian, 0.08);
+  EXPECT_LT(lost(smooth_keeping_volume(plate.frame, mask, 1.2)), 0.5 * by_gaussian);
+}
+
+// A half-space whose face rises by a voxel in every third: what its voxels' steps leave of it.
+TEST(LabelField, StepsOfVoxelsStaySmoothedWhereVolumeIsPutBack) {
+  const LabelImage slope = testing::draw(
+      48, {1.0, 1.0, 1.0}, [](double x, double, double z) { return z < x / 3.0 + 0.1 ? 1 : 0; });
+  const auto mask = mask_of(slope, 1);
+  const auto roughness = [&](const Field& field) {  // mm, how far the face goes to and fro
+    double sum = 0.0, squares = 0.0;
+    int points = 0;
+    for (double x = 15.0; x < 33.0; x += 0.25, ++points) {
+      double inside = 8.0, outside = 40.0;
+      while (outside - inside > 1e-6) {
+        const double z = 0.5 * (inside + outside);
+        (sample(slope.frame, field, {x, 24.0, z}) > 0.5 ? inside : outside) = z;
+      }
+      const double off = inside - x / 3.0;
+      sum += off;
+      squares += off * off;
+    }
+    return std::sqrt(squares / points - sum * sum / points / points);
+  };
+  const double smoothed = roughness(smooth(slope.frame, mask, 0.8));
+  EXPECT_LT(roughness(smooth_keeping_volume(slope.frame, mask, 0.8)), 1.5 * smoothed);
+  EXPECT_GT(roughness(smooth(slope.frame, mask, 0.4)), 2.0 * smoothed);
+}
+
 TEST(Surface, ABallIsClosedOutwardAndOfItsVolumeInMirroredFramesToo) {
   for (const double mirror : {1.0, -1.0}) {
     LabelImage image = testing::nested_balls(20.0, 0.0);

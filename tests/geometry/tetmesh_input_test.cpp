@@ -188,7 +188,8 @@ TEST_F(Tetmesh, APartThatSmoothingTakesIsSaidToNeedASmallerSigma) {
             0)
       << "a part that is meant to go may be let go";
   fs::remove_all(out());
-  const auto kept = run(write(image), {"cell_size=1.5mm", "sigma=0.42mm"});
+  // A little smaller: at the very size it is by chance that refinement finds a strand of a voxel.
+  const auto kept = run(write(image), {"cell_size=1.4mm", "sigma=0.42mm"});
   EXPECT_EQ(kept.code, 0) << kept.log;
   EXPECT_TRUE(testing::read_json(out() / "quality.json")["lost"]["parts"].empty()) << kept.log;
 }

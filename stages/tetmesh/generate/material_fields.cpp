@@ -34,7 +34,8 @@ MaterialFields::MaterialFields(const LabelImage& image, double sigma) : frame_(i
   const std::size_t width = this->width();
   values_.resize(width * frame_.voxels());
   for (std::size_t slot = 0; slot < width; ++slot) {
-    const Field field = smooth(frame_, mask_of(image, slot == 0 ? 0 : ids_[slot - 1]), sigma);
+    const int id = slot == 0 ? 0 : ids_[slot - 1];
+    const Field field = smooth_keeping_volume(frame_, mask_of(image, id), sigma);
     if (slot == 0) {
       body_ = field;
       continue;
@@ -103,7 +104,7 @@ int MaterialFields::at(const std::array<double, 3>& p) const {
 }
 
 int MaterialFields::nearest(const std::array<double, 3>& p) const {
-  return evaluate(p, -1.0);
+  return evaluate(p, -std::numeric_limits<double>::max());
 }
 
 double MaterialFields::lead(const std::array<double, 3>& p, int a, int b,

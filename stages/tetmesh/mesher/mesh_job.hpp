@@ -69,6 +69,7 @@ class MeshJob {
   explicit MeshJob(MeshRequest request);
 
   bool by_fields() const { return by_fields_; }
+  bool has_regions() const { return !regions_.empty(); }
   double body_volume() const { return body_volume_; }  // mm3, of voxels or surface
   const std::map<int, double>& label_volumes() const { return label_volumes_; }  // mm3
   const std::map<int, std::string>& names() const { return names_; }
