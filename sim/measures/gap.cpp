@@ -1,7 +1,12 @@
 #include "sim/measures/gap.hpp"
 
+#include <algorithm>
+#include <array>
+#include <iterator>
 #include <limits>
 #include <set>
+
+#include "sim/base/refusal.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -16,6 +21,69 @@ void for_each_obstacle(const Scene& scene, Function&& function) {
         function.template operator()<Effect>(all[k], name_of<Effect>(all, k));
     }
   });
+}
+
+// The vertices of `faces` in order, none twice.
+std::vector<int> vertices_of(const std::vector<Triangle>& faces) {
+  std::set<int> vertices;
+  for (const Triangle& face : faces) vertices.insert(face.begin(), face.end());
+  return {vertices.begin(), vertices.end()};
+}
+
+BodyPart surface_of(const Model& model, int material) {
+  BodyPart part;
+  for (const TetFace& face : tet_faces(model)) {
+    const bool here = model.material_of[face.tet] == material;
+    const bool beyond = face.other >= 0 && model.material_of[face.other] == material;
+    if (here != beyond) part.faces.push_back(face.vertices);
+  }
+  part.vertices = vertices_of(part.faces);
+  return part;
+}
+
+// What triangle abc has of its point p: the shape functions of its corners.
+std::array<double, 3> shares(const Vec3<double>& p, const Vec3<double>& a, const Vec3<double>& b,
+                             const Vec3<double>& c) {
+  const Vec3<double> normal = cross(b - a, c - a);
+  const double area = dot(normal, normal);
+  if (area == 0.0) return {1.0, 0.0, 0.0};
+  const double of_b = dot(cross(p - a, c - a), normal) / area;
+  const double of_c = dot(cross(b - a, p - a), normal) / area;
+  return {1.0 - of_b - of_c, of_b, of_c};
+}
+
+// Of a part's vertices, the one nearest to the other's surface, if that is nearer than `gap` is.
+void look_for_nearer(const BodyPart& part, const BodyPart& other,
+                     const std::vector<Vec3<double>>& at, Gap& gap) {
+  struct Ball {
+    Vec3<double> centre;
+    double radius;
+  };
+  const auto ball_around = [&at](const auto& vertices) {
+    Ball ball{};
+    for (const int v : vertices) ball.centre += at[v];
+    ball.centre *= 1.0 / static_cast<double>(vertices.size());
+    for (const int v : vertices) ball.radius = std::max(ball.radius, norm(at[v] - ball.centre));
+    return ball;
+  };
+  const auto is_farther = [&](const Vec3<double>& p, const Ball& ball) {
+    return norm(p - ball.centre) - ball.radius >= gap.distance;
+  };
+  const Ball whole = ball_around(other.vertices);
+  std::vector<Ball> balls;
+  for (const Triangle& face : other.faces) balls.push_back(ball_around(face));
+  for (const int v : part.vertices) {
+    if (is_farther(at[v], whole)) continue;
+    for (std::size_t f = 0; f < balls.size(); ++f) {
+      if (is_farther(at[v], balls[f])) continue;
+      const auto& [a, b, c] = other.faces[f];
+      const Vec3<double> point = nearest_on_triangle(at[v], at[a], at[b], at[c]);
+      const double distance = norm(at[v] - point);
+      if (distance >= gap.distance) continue;
+      const auto [of_a, of_b, of_c] = shares(point, at[a], at[b], at[c]);
+      gap = {distance, {{v, 1.0}, {a, -of_a}, {b, -of_b}, {c, -of_c}}};
+    }
+  }
 }
 
 }  // namespace
@@ -34,18 +102,36 @@ GapProbe gap_probe(const Model& model, const std::string& name, int material,
     if (model.material_of[t] == material)
       vertices.insert(model.tets[t].begin(), model.tets[t].end());
   }
-  return {name, {vertices.begin(), vertices.end()}, obstacle};
+  return {name, {{vertices.begin(), vertices.end()}, {}}, obstacle, {}};
+}
+
+GapProbe gap_probe(const Model& model, const std::string& name, int material, int other) {
+  GapProbe probe{name, surface_of(model, material), "", surface_of(model, other)};
+  std::vector<int> shared;
+  std::ranges::set_intersection(probe.part.vertices, probe.other.vertices,
+                                std::back_inserter(shared));
+  if (shared.empty()) return probe;
+  throw Refusal(Refusal::Cause::scene, "probes." + name + ".between",
+                "labels that touch at " + std::to_string(shared.size()) + " vertices",
+                "labels with something between them, or an obstacle");
 }
 
 Gap gap_now(const Model& model, const Scene& scene, const GapProbe& probe,
             const std::vector<Vec3<double>>& u, double time) {
-  Gap gap{std::numeric_limits<double>::infinity(), -1};
+  Gap gap{std::numeric_limits<double>::infinity(), {}};
+  if (probe.obstacle.empty()) {
+    std::vector<Vec3<double>> at = model.rest;
+    for (std::size_t i = 0; i < at.size(); ++i) at[i] += u[i];
+    look_for_nearer(probe.part, probe.other, at, gap);
+    look_for_nearer(probe.other, probe.part, at, gap);
+    return gap;
+  }
   for_each_obstacle(scene, [&]<class Effect>(const auto& params, const std::string& name) {
     if (name != probe.obstacle) return;
     const auto distance = Effect::distance_at(model, params, time);
-    for (const int v : probe.vertices) {
+    for (const int v : probe.part.vertices) {
       const double own = distance(model.rest[v] + u[v]);
-      if (own < gap.distance) gap = {own, v};
+      if (own < gap.distance) gap = {own, {{v, 1.0}}};
     }
   });
   return gap;

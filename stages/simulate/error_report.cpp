@@ -185,10 +185,8 @@ std::vector<sim::Probe> asked_of_error_bar(const sim::Model& model, const sim::S
   for (std::size_t m = 0; m < model.materials.size(); ++m)
     asked.push_back(sim::probe_of_centroid(model, model.label_names[m], static_cast<int>(m)));
   asked.insert(asked.end(), probes.begin(), probes.end());
-  for (const sim::GapProbe& gap : gaps) {
-    const int nearest = gap_now(model, scene, gap, u, end_s).nearest;
-    asked.push_back({gap.name, {{nearest, 1.0}}});
-  }
+  for (const sim::GapProbe& gap : gaps)
+    asked.push_back({gap.name, gap_now(model, scene, gap, u, end_s).nearest});
   return asked;
 }
 

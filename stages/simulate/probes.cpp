@@ -18,7 +18,7 @@ struct ProbeRequest {
   std::string name;
   std::optional<std::array<double, 3>> point;  // mm, LPS
   std::string label;                           // of a centroid or a gap
-  std::string obstacle;                        // of a gap
+  std::string beyond;                          // of a gap: an obstacle or another label
 };
 
 ProbeRequest read_probe(const std::string& name, const Json& given) {
@@ -30,19 +30,19 @@ ProbeRequest read_probe(const std::string& name, const Json& given) {
                  .field = field,
                  .found = found,
                  .allowed = "{point: [10 mm, -4 mm, 870 mm]}, {centroid: LABEL} or {between: "
-                            "[LABEL, OBSTACLE]}"});
+                            "[LABEL, OBSTACLE or LABEL]}"});
   };
   const Json values = resolve(probes_param().entry, given, "parameters", field + ".");
   const Json &point = values.at("point"), &between = values.at("between");
   ProbeRequest probe{
-      .name = name, .point = {}, .label = values.at("centroid").get<std::string>(), .obstacle = {}};
+      .name = name, .point = {}, .label = values.at("centroid").get<std::string>(), .beyond = {}};
   const int kinds = !point.is_null() + !probe.label.empty() + !between.is_null();
   if (kinds != 1) refuse(kinds == 0 ? "none of point, centroid and between" : "several at once");
   if (!point.is_null()) probe.point = read_place(point, field + ".point");
   if (!between.is_null()) {
     if (between.size() != 2 || !between[0].is_string() || !between[1].is_string())
       refuse("between " + between.dump());
-    probe.label = between[0].get<std::string>(), probe.obstacle = between[1].get<std::string>();
+    probe.label = between[0].get<std::string>(), probe.beyond = between[1].get<std::string>();
   }
   return probe;
 }
@@ -109,11 +109,12 @@ Param probes_param() {
                     {.name = "between",
                      .type = ParamType::list,
                      .fallback = nullptr,
-                     .doc = "a label of the mesh and an obstacle of the scene"}},
+                     .doc = "a label of the mesh, and an obstacle of the scene or another label"}},
           .doc =
               "points of the body at rest, centroids of labels and gaps between labels and "
-              "obstacles to follow, in metrics.csv: {tip: {point: [10 mm, -4 mm, 870 mm]}, lump: "
-              "{centroid: tumour}, gap: {between: [liver, ground]}}; LPS"};
+              "obstacles or other labels to follow, in metrics.csv: {tip: {point: [10 mm, -4 mm, "
+              "870 mm]}, lump: {centroid: tumour}, gap: {between: [liver, ground]}, margin: "
+              "{between: [tumour, vessels]}}; LPS"};
 }
 
 void check_probes(const StageRun& run) {
@@ -123,7 +124,7 @@ void check_probes(const StageRun& run) {
 std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model) {
   std::vector<sim::Probe> probes;
   for (const ProbeRequest& asked : read_requests(run)) {
-    if (!asked.obstacle.empty()) continue;
+    if (!asked.beyond.empty()) continue;
     if (asked.point) {
       const auto& [x, y, z] = *asked.point;
       probes.push_back(
@@ -142,13 +143,21 @@ std::vector<sim::GapProbe> read_gaps(const StageRun& run, const sim::Model& mode
                                      const sim::Scene& scene) {
   std::vector<sim::GapProbe> gaps;
   for (const ProbeRequest& asked : read_requests(run)) {
-    if (asked.obstacle.empty()) continue;
+    if (asked.beyond.empty()) continue;
     const std::string field = asked.name + ".between";
-    number_of(asked.obstacle, sim::obstacles_of(scene), field,
-              "an obstacle that is not in the scene", "ground or another obstacle of the scene");
     const int material = number_of(asked.label, model.label_names, field,
                                    "a label that the mesh has not", "a label of the mesh");
-    gaps.push_back(sim::gap_probe(model, asked.name, material, asked.obstacle));
+    std::vector<std::string> known = sim::obstacles_of(scene);
+    if (std::ranges::count(known, asked.beyond) > 0) {
+      gaps.push_back(sim::gap_probe(model, asked.name, material, asked.beyond));
+      continue;
+    }
+    const std::size_t obstacles = known.size();
+    known.insert(known.end(), model.label_names.begin(), model.label_names.end());
+    const int other = number_of(asked.beyond, known, field, "neither in the scene nor in the mesh",
+                                "ground or another obstacle of the scene, or a label") -
+                      static_cast<int>(obstacles);
+    gaps.push_back(sim::gap_probe(model, asked.name, material, other));
   }
   return gaps;
 }

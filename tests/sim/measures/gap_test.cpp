@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "sim/base/refusal.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -39,7 +42,7 @@ TEST_F(GapOf, AnObstacleIsMeasuredWhereItHasMovedTo) {
   for (const auto& [time, gap] : {std::pair{0.5, 0.04}, {2.0, 0.03}, {9.0, 0.02}})
     EXPECT_NEAR(between("sphere", moved({}), time), gap, 1e-12) << time;
   const Gap found = gap_now(model, scene, gap_probe(model, "gap", 0, "sphere"), moved({}), 0.0);
-  const Vec3<double> nearest = model.rest[found.nearest] + model.origin;
+  const Vec3<double> nearest = model.rest[found.nearest.front().vertex] + model.origin;
   EXPECT_LT(norm(nearest - Vec3<double>{0.05, 0.05, 0.05}), 1e-12);
 }
 
@@ -59,6 +62,60 @@ TEST_F(GapOf, ObstaclesOfOneKindHaveNumbersAndLabelsAreApart) {
   }
   EXPECT_NEAR(between("plane.1", moved({}), 0.0, 0), 0.01, 1e-12);
   EXPECT_NEAR(between("plane.1", moved({}), 0.0, 1), 0.035, 1e-12);
+}
+
+// Three layers of cells along z; a gap between the lowest and the highest is the middle's height.
+struct Layers : testing::Test {
+  Model model = make_box({0.03, 0.03, 0.06}, {3, 3, 6}, soft_tissue);
+  void SetUp() override {
+    model.materials = {soft_tissue, soft_tissue, soft_tissue};
+    for (std::size_t t = 0; t < model.tet_count(); ++t) {
+      double middle = 0.0;
+      for (const int v : model.tets[t]) middle += 0.25 * (model.rest[v].z + model.origin.z);
+      model.material_of[t] = middle < 0.02 ? 0 : middle < 0.04 ? 1 : 2;
+    }
+  }
+};
+
+TEST_F(Layers, AreAsFarApartAsTheyHaveBeenMoved) {
+  const GapProbe probe = gap_probe(model, "gap", 0, 2);
+  Displacement u(model.vertex_count());
+  EXPECT_NEAR(gap_now(model, {}, probe, u, 0.0).distance, 0.02, 1e-12);
+  for (const int v : probe.other.vertices) u[v] = {0.5, 0.0, 0.001};  // far to the side
+  const double beside = 0.5 - 0.03, above = 0.021;
+  const Gap moved = gap_now(model, {}, probe, u, 0.0);
+  EXPECT_NEAR(moved.distance, std::hypot(beside, above), 1e-12);
+  EXPECT_NEAR(gap_now(model, {}, gap_probe(model, "gap", 2, 0), u, 0.0).distance, moved.distance,
+              1e-15);
+}
+
+// A tip above the middle of a face: no vertex of the face is as near, whichever part is looked at.
+TEST_F(Layers, AreAsFarApartAsAVertexAndAFaceAndTheGapChangesWithBoth) {
+  const GapProbe probe = gap_probe(model, "gap", 0, 2);
+  Displacement u(model.vertex_count());
+  int tip = -1;
+  for (const int v : probe.other.vertices) {
+    const Vec3<double> x = model.rest[v] + model.origin;
+    if (norm(x - Vec3<double>{0.01, 0.01, 0.04}) < 1e-9) tip = v;
+  }
+  ASSERT_GE(tip, 0);
+  u[tip] = {0.003, 0.004, -0.015};
+  const Gap gap = gap_now(model, {}, probe, u, 0.0);
+  EXPECT_NEAR(gap.distance, 0.005, 1e-12);
+  EXPECT_EQ(gap_now(model, {}, gap_probe(model, "gap", 2, 0), u, 0.0).distance, gap.distance);
+  double weights = 0.0;
+  Vec3<double> apart;
+  for (const auto& [vertex, weight] : gap.nearest) {
+    weights += weight;
+    apart += weight * (model.rest[vertex] + u[vertex]);
+  }
+  EXPECT_NEAR(weights, 0.0, 1e-12);
+  EXPECT_LT(norm(apart - Vec3<double>{0.0, 0.0, 0.005}), 1e-12);
+}
+
+TEST_F(Layers, ThatTouchHaveNoGap) {
+  EXPECT_THROW(gap_probe(model, "gap", 0, 1), Refusal);
+  EXPECT_THROW(gap_probe(model, "gap", 1, 1), Refusal);
 }
 
 }  // namespace
