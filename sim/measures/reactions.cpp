@@ -1,6 +1,8 @@
 #include "sim/measures/reactions.hpp"
 
 #include <algorithm>
+#include <cctype>
+#include <map>
 #include <numeric>
 
 #include "sim/base/refusal.hpp"
@@ -56,7 +58,6 @@ Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, Forc
       acts_(acts_s > 0.0 ? acts_s : dt_),
       edges_(Distance::elements(model, {})),
       piece_(model.vertex_count()),
-      hands_on_(!scene.has<SelfContact>()),
       holder_(model.vertex_count(), -1),
       tissue_(std::move(tissue)),
       reach_(touching * model.size()) {
@@ -101,7 +102,60 @@ Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, Forc
   }
   if (std::ranges::count(holder_, static_cast<int>(names_.size())) > 0)
     names_.emplace_back(model_held);
+  if (scene.has<SelfContact>()) name_self_contact(scene);
   names_.emplace_back(remainder);
+}
+
+void Reactions::name_self_contact(const Scene& scene) {
+  const double thickness = scene.params<SelfContact>().front().thickness;
+  pairs_.emplace(model_, thickness);
+  // What a substep leaves is less than half of what is kept in any case.
+  near_ = thickness + std::max(0.5 * thickness, reach_);
+  std::map<int, std::map<int, double>> volume;  // m3, by piece and material
+  for (std::size_t t = 0; t < model_.tet_count(); ++t)
+    volume[piece_[model_.tets[t][0]]][model_.material_of[t]] += model_.volume[t];
+  std::map<std::string, std::vector<int>> pieces;  // by the name that they would have
+  for (const auto& [piece, materials] : volume) {
+    const int most =
+        std::ranges::max_element(materials, {}, [](const auto& of) { return of.second; })->first;
+    const std::string label = model_.label_names.empty() ? "" : model_.label_names[most];
+    std::string name = self_contact;
+    if (volume.size() > 1 && !label.empty()) name += "_" + label;
+    std::ranges::replace_if(
+        name, [](unsigned char c) { return !std::isalnum(c); }, '_');
+    pieces[name].push_back(piece);
+  }
+  std::map<int, int> row;  // of a piece
+  for (const auto& [name, alike] : pieces) {
+    for (std::size_t k = 0; k < alike.size(); ++k) {
+      row[alike[k]] = static_cast<int>(names_.size());
+      names_.push_back(alike.size() > 1 ? name + "." + std::to_string(k + 1) : name);
+    }
+  }
+  own_row_.resize(piece_.size());
+  for (std::size_t v = 0; v < piece_.size(); ++v) own_row_[v] = row[piece_[v]];
+}
+
+void Reactions::find_self_contact(const State& state, std::vector<int>& by) const {
+  constexpr double seam = -1e-3;  // as triangles of touch() (effects/self_contact.hpp) overlap
+  std::vector<Vec3<double>> at = model_.rest;
+  for (std::size_t v = 0; v < at.size(); ++v) at[v] += state.u[v];
+  SurfacePairs pairs = *pairs_;
+  pairs.place(at, near_);
+  std::vector<int> found;
+  const auto take = [&](int v) {
+    if (by[v] < 0) by[v] = own_row_[v];
+  };
+  for (std::size_t t = 0; t < pairs.triangles().size(); ++t) {
+    const auto& [a, b, c] = pairs.triangles()[t];
+    pairs.find(at, static_cast<int>(t), found);
+    for (const int v : found) {
+      const Over over = over_triangle(at[v], at[a], at[b], at[c]);
+      const bool above = over.b[0] >= seam && over.b[1] >= seam && over.b[2] >= seam;
+      if (!above || std::abs(over.height) > near_) continue;
+      for (const int touching : {v, a, b, c}) take(touching);
+    }
+  }
 }
 
 // Conjugate gradients, preconditioned by the diagonal.
@@ -220,6 +274,9 @@ Reactions::Found Reactions::at(const FrameMotion& motion) const {
         if (depth > deepest) deepest = depth, by[v] = static_cast<int>(obstacle.name);
       }
     }
+  }
+  if (pairs_) find_self_contact(state, by);
+  for (std::size_t v = 0; v < n; ++v) {
     if (by[v] < 0) continue;
     holds[static_cast<std::size_t>(by[v])] = 1;
     add(static_cast<std::size_t>(by[v]), v, lacking[v]);
@@ -227,7 +284,7 @@ Reactions::Found Reactions::at(const FrameMotion& motion) const {
   std::vector<double> left(n, 1.0);  // of each vertex, that nothing takes over
   Vec3<double> handed_on;
   for (std::size_t k = 0; k < names_.size(); ++k) {
-    if (!holds[k] || !hands_on_) continue;
+    if (!holds[k]) continue;
     const auto share = shares(static_cast<int>(k), by);
     for (std::size_t v = 0; v < n; ++v) {
       if (by[v] >= 0) continue;

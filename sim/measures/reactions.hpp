@@ -17,21 +17,25 @@
 // faster than a frame are in it.
 //
 // r of a vertex that is held or led belongs to its support. Of a free one it belongs to the
-// obstacle that it touches: the vertex would be inside, were it moved a little against r. Of the
+// obstacle that it touches: the vertex would be inside, were it moved a little against r. If there
+// is none, and it or a triangle of its own is as near to another part of the surface as
+// self-contact keeps them apart, it is what the body exerts on itself, by the pieces that are on
+// either side; all of these together have no resultant but for the solver's error. Of the
 // others it is what the frame lacks of the equations, the solver's own error (and in motion, what
 // vibrates faster than frames): the impulses that moved the body were other ones than the forces
 // of its displacements. That is handed on to supports and obstacles, as a body hands a load on to
 // what holds it: the share of each is harmonic (a Laplace problem on the mesh's edges, as stiff as
 // the springs of effects/distance.hpp), 1 on its own vertices and 0 on those of others. With one
-// alone its resultant is then exact. Nothing is handed on with self-contact, whose forces are not
-// known here, nor where nothing holds the body.
+// alone its resultant is then exact. Nothing is handed on where nothing holds the body.
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "sim/model/state.hpp"
+#include "sim/model/surface_pairs.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/solvers/xpbd/program.hpp"
 
@@ -68,9 +72,12 @@ class Reactions {
             ForcesOfTissue tissue = {});
 
   // What exerts forces, by its key in the scene, with .1, .2, ... where it is named several times;
-  // `model_held` are vertices that the model itself holds (Model::fixed); `remainder` comes last.
+  // `model_held` are vertices that the model itself holds (Model::fixed); `self_contact` is what
+  // acts on the body from itself, of a body of several pieces self_contact_LABEL on each, by the
+  // label that most of it has; `remainder` comes last.
   const std::vector<std::string>& names() const { return names_; }
-  static constexpr const char *model_held = "held", *remainder = "remainder";
+  static constexpr const char *model_held = "held", *self_contact = "self_contact",
+                              *remainder = "remainder";
   // m, in the model's frame: the centre of mass of the body at rest.
   const Vec3<double>& about() const { return about_; }
 
@@ -82,6 +89,9 @@ class Reactions {
   Found at(const FrameMotion& motion) const;
 
  private:
+  void name_self_contact(const Scene& scene);
+  // Those of the vertices that nothing holds yet to which self-contact is near.
+  void find_self_contact(const State& state, std::vector<int>& by) const;
   // [n] the share of `name` in what acts on each vertex; by[v] is whose vertex v is, -1 of nobody.
   std::vector<double> shares(int name, const std::vector<int>& by) const;
 
@@ -92,9 +102,11 @@ class Reactions {
   double dt_, acts_;  // s
   Effects::Slots<Slot> on_;
   std::vector<std::string> names_;
-  SpringNetwork edges_;     // as the springs of `distance`, whose stiffness hands on
-  std::vector<int> piece_;  // [n] the first vertex that each is connected with
-  bool hands_on_;
+  SpringNetwork edges_;                // as the springs of `distance`, whose stiffness hands on
+  std::vector<int> piece_;             // [n] the first vertex that each is connected with
+  std::optional<SurfacePairs> pairs_;  // of self-contact
+  double near_ = 0.0;                  // m, how far apart surfaces are that touch, and a little
+  std::vector<int> own_row_;           // [n] of names: of self-contact on the vertex's piece
   std::vector<int> holder_;  // [n] of names: the support that holds a vertex; -1: it is free
   Vec3<double> about_;
   ForcesOfTissue tissue_;

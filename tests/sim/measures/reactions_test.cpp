@@ -6,6 +6,7 @@
 #include "sim/element_choice.hpp"
 #include "sim/make.hpp"
 #include "sim/solvers/fem/quadratic_forces.hpp"
+#include "tests/sim/effects/flap.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -239,10 +240,40 @@ TEST(Reactions, WhatTheSolverLacksIsHandedOnToTheSupports) {
   const Reactions alone(model, scene);
   EXPECT_NEAR(of(alone, alone.at(motion), "fixed").force.z, whole, 1e-12 * whole);
 
-  scene.params<SelfContact>().emplace_back();
+  scene.params<SelfContact>().emplace_back();  // nothing of it touches
   const Reactions with_contact(model, scene);
-  EXPECT_NEAR(of(with_contact, with_contact.at(motion), Reactions::remainder).force.z, whole,
-              1e-12 * whole);
+  EXPECT_NEAR(of(with_contact, with_contact.at(motion), "fixed").force.z, whole, 1e-12 * whole);
+}
+
+// A block on a plate that is held below: what acts between them, from either side.
+TEST(Reactions, SelfContactCarriesWhatLiesOnAnotherPieceOfTheBody) {
+  Material stiff = soft_tissue;
+  stiff.youngs_modulus = 1e5;
+  const Model plate = make_box({0.09, 0.06, 0.01}, {6, 4, 1}, stiff);
+  const Model block = make_box({0.03, 0.03, 0.01}, {3, 3, 1}, stiff, {0.0151, 0.0152, 0.0112});
+  const Model model = assembled({plate, block}, stiff, [](const Vec3<double>&) { return true; });
+  Scene scene = elastic_scene();
+  scene.time.substeps = 256;
+  scene.params<Gravity>().emplace_back();
+  scene.params<Viscosity>().emplace_back();
+  scene.params<SelfContact>().push_back({.thickness = 1e-3, .friction = 0.5});
+  scene.params<Fixed>().emplace_back().side = "inferior";
+  const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp64});
+  std::vector<State> states;
+  for (int frame = 0; frame < 60; ++frame) {
+    solver->advance_frame();
+    states.push_back(solver->state());
+  }
+  const double weight = weight_of(block, scene);
+  const Reactions reactions(model, scene);
+  EXPECT_EQ(reactions.names(), (std::vector<std::string>{"gravity", "fixed", "self_contact.1",
+                                                         "self_contact.2", "remainder"}));
+  const auto found =
+      reactions.at(FrameMotion::at_end(states[57], states[58], states[59], scene.time.frame_s));
+  EXPECT_NEAR(of(reactions, found, "self_contact.1").force.z, -weight, 0.02 * weight) << "plate";
+  EXPECT_NEAR(of(reactions, found, "self_contact.2").force.z, weight, 0.02 * weight) << "block";
+  EXPECT_NEAR(of(reactions, found, "fixed").force.z, weight_of(model, scene), 0.02 * weight);
+  EXPECT_NEAR(norm(of(reactions, found, "remainder").force), 0.0, 1e-9 * weight);
 }
 
 TEST(Reactions, WhatHasNoLawOfForceIsRefused) {
