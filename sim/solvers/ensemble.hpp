@@ -18,6 +18,7 @@ class Ensemble {
   // One frame of every member. Each gives the bits that it gives in an ensemble of its own.
   virtual void advance_frame() = 0;
   virtual State state(int member) const = 0;
+  virtual State motion(int member) const = 0;
   virtual void set_state(int member, const State& state) = 0;
   // As Solver has it.
   virtual void retune(int member, const Model& model, const Scene& scene) = 0;
@@ -44,6 +45,7 @@ class OnlyMember final : public Solver {
   explicit OnlyMember(std::unique_ptr<Ensemble> ensemble) : ensemble_(std::move(ensemble)) {}
   void advance_frame() override { ensemble_->advance_frame(); }
   State state() const override { return ensemble_->state(0); }
+  State motion() const override { return ensemble_->motion(0); }
   void set_state(const State& state) override { ensemble_->set_state(0, state); }
   void retune(const Model& model, const Scene& scene) override {
     ensemble_->retune(0, model, scene);
@@ -76,6 +78,7 @@ class Separately final : public Ensemble {
     for (auto& member : members_) member->advance_frame();
   }
   State state(int member) const override { return members_[member]->state(); }
+  State motion(int member) const override { return members_[member]->motion(); }
   void set_state(int member, const State& state) override { members_[member]->set_state(state); }
   void retune(int member, const Model& model, const Scene& scene) override {
     members_[member]->retune(model, scene);

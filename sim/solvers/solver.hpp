@@ -38,6 +38,11 @@ class Solver {
   // One frame of `substeps` substeps. Implicit solvers throw Diverged.
   virtual void advance_frame() = 0;
   virtual State state() const = 0;
+  // Of the state u, v and the step alone: on a device the rest of it, which is more, stays there.
+  virtual State motion() const {
+    State all = state();
+    return {std::move(all.u), std::move(all.v), all.step};
+  }
   // Takes a state up where it was left: the same bits follow as without the interruption.
   virtual void set_state(const State& state) = 0;
   // Takes over other materials (E, nu, damping; per label and per tet) and other parameters of the

@@ -17,7 +17,7 @@ namespace viscera::live {
 namespace {
 
 struct CommandLine {
-  std::string scene, trajectory, input_log, replay, second;
+  std::string scene, trajectory, input_log, force_log, replay, second;
   std::vector<std::string> in, set;
   std::uint64_t headless = 0;
   std::optional<unsigned> random;
@@ -38,8 +38,10 @@ double memory_mb() {
 }
 
 SessionOptions options_of(const CommandLine& line, const World& world) {
-  SessionOptions options{
-      .frames = line.headless, .trajectory = line.trajectory, .input_log = line.input_log};
+  SessionOptions options{.frames = line.headless,
+                         .trajectory = line.trajectory,
+                         .input_log = line.input_log,
+                         .force_log = line.force_log};
   if (!line.replay.empty()) options.input = std::make_unique<Replay>(line.replay, world);
   if (line.random) options.input = std::make_unique<RandomInput>(*line.random, world);
   return options;
@@ -143,6 +145,9 @@ int main(int argc, char** argv) {
       ->check(CLI::PositiveNumber);
   app.add_option("--record", line.trajectory, "folder for a trajectory that viscera-report reads");
   app.add_option("--log-input", line.input_log, "file to record what the hand does into");
+  app.add_option(
+      "--log-force", line.force_log,
+      "table to write what the hand pulls with, and how late that is, after every frame");
   auto* replay = app.add_option("--replay", line.replay, "do what such a file says");
   app.add_option("--random", line.random, "do what chance says, from this seed")->excludes(replay);
   app.add_option("--second", line.second, "another method, drawn over the first")

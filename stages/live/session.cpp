@@ -63,6 +63,7 @@ Session::Session(std::unique_ptr<World> world, SessionOptions options)
     trajectory_->append(0.0, positions_mm(body_, good_));
   }
   if (!options_.input_log.empty()) input_log_.emplace(options_.input_log, *world_);
+  if (!options_.force_log.empty()) force_log_.emplace(options_.force_log);
   publish();
   thread_ = std::thread([this] {
     try {
@@ -133,7 +134,7 @@ void Session::run() {
     if (turn == Turn::end) break;
     const auto begin = Clock::now();
     for (const Command& command : commands) take(command);
-    if (turn == Turn::frame) advance();
+    if (turn == Turn::frame) advance(begin);
     if (wanted_.exchange(false)) publish();
     if (turn != Turn::frame) continue;
     const double took = seconds_since(begin);
@@ -180,8 +181,9 @@ void Session::take(const Command& command) {
   }
 }
 
-// On a device the state stays there until somebody wants to see it.
-void Session::advance() {
+// On a device the state stays there until somebody wants to see it. What has been asked for until
+// this frame was taken at `asked`.
+void Session::advance(Clock::time_point asked) {
   try {
     world_->advance();
   } catch (const sim::Diverged& diverged) {
@@ -194,9 +196,12 @@ void Session::advance() {
   }
   frames_ = ++frame_;
   diverged_ = false;
-  if (!world_->on_cpu() && !wanted_ && !trajectory_) return;
-  sim::State state = world_->state();
+  const bool is_kept = world_->on_cpu() || wanted_ || trajectory_;
+  if (!is_kept && !force_log_) return;
+  sim::State state = is_kept ? world_->state() : world_->motion();
   if (!is_good(state)) return go_back("values that are not finite, or a body that has left");
+  if (force_log_) force_log_->add(frame_, world_->time_s(), asked, world_->pull(state));
+  if (!is_kept) return;
   good_ = std::move(state);
   good_frame_ = world_->frame();
   if (!trajectory_) return;

@@ -9,6 +9,7 @@
 #include <optional>
 #include <thread>
 
+#include "stages/live/force_log.hpp"
 #include "stages/live/input.hpp"
 #include "stages/live/triple_buffer.hpp"
 #include "stages/live/world.hpp"
@@ -52,6 +53,7 @@ struct SessionOptions {
   std::uint64_t frames = 0;          // after which it ends; 0: when it is closed
   std::filesystem::path trajectory;  // folder to record into; empty: none
   std::filesystem::path input_log;   // likewise a file
+  std::filesystem::path force_log;   // likewise
   std::unique_ptr<Input> input;      // further commands; may be empty
   bool stops_when_diverged = false;  // else it goes back to the last good state, and pauses
 };
@@ -86,7 +88,7 @@ class Session {
   void run();
   Turn next_turn(std::vector<Command>& commands);
   void take(const Command& command);
-  void advance();
+  void advance(std::chrono::steady_clock::time_point asked);
   bool is_good(const sim::State& state) const;
   void go_back(const std::string& why);
   void publish();
@@ -99,6 +101,7 @@ class Session {
   const double frame_s_;
   std::optional<TrajectoryWriter> trajectory_;
   std::optional<InputLog> input_log_;
+  std::optional<ForceLog> force_log_;
 
   // The simulation thread's own.
   std::uint64_t frame_ = 0, over_budget_ = 0;

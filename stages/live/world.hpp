@@ -42,6 +42,7 @@ class World {
   void advance();
 
   sim::State state() const { return solver_->state(); }
+  sim::State motion() const { return solver_->motion(); }
   std::uint64_t frame() const { return frame_; }  // of the scene
   // Takes up a state that was reached after so many frames, the hand off it.
   void go_back_to(sim::State state, std::uint64_t frame);

@@ -464,7 +464,10 @@ TEST_F(Cuda, AMemberIsTakenUpWhereItWasLeft) {
   const SolverOptions options{.scheme = Scheme::block_gauss_seidel, .block_tets = 50};
   const auto ensemble = make_ensemble_on_cuda(model, drop_scene(), options, 3, nullptr);
   for (int frame = 0; frame < 5; ++frame) ensemble->advance_frame();
-  const State left = ensemble->state(1);
+  const State left = ensemble->state(1), motion = ensemble->motion(1);
+  EXPECT_EQ(motion.hash(), left.hash());
+  EXPECT_EQ(motion.step, left.step);
+  EXPECT_TRUE(motion.duals.empty() && !left.duals.empty());
   for (int frame = 0; frame < 5; ++frame) ensemble->advance_frame();
   const State end = ensemble->state(1);
   ensemble->set_state(2, left);
@@ -482,6 +485,7 @@ TEST_F(Cuda, ABodyWithoutForcesStaysStill) {
     double largest = 0.0;
     for (const auto& u : solver->state().u) largest = std::max(largest, norm(u));
     EXPECT_LE(largest, 1e-9);
+    EXPECT_EQ(solver->motion().hash(), solver->state().hash());
   }
 }
 

@@ -3,7 +3,9 @@
 #include <sys/wait.h>
 
 #include <array>
+#include <cmath>
 #include <cstdio>
+#include <sstream>
 
 #include "tests/live/live_run.hpp"
 
@@ -71,6 +73,41 @@ TEST_F(LiveProgram, InputOfAnotherMeshIsRefused) {
   EXPECT_EQ(run("--headless 20 --replay " + log).code, 4);
   EXPECT_EQ(run("--headless 20 --replay " + path("absent").string()).code, 4);
   EXPECT_EQ(run("--headless 20 --replay /dev/zero").code, 4) << "it has no end";
+}
+
+TEST_F(LiveProgram, WhatTheHandFeelsIsATableWithOneRowAFrame) {
+  const std::string table = path("force.csv").string();
+  const Ended run = this->run("--headless 40 --random 2 --quiet --log-force " + table);
+  ASSERT_EQ(run.code, 0) << run.errors;
+  std::istringstream rows(read_file(table));
+  std::string header, row, last;
+  std::getline(rows, header);
+  EXPECT_EQ(header, "frame,time_s,wall_s,delay_ms,pull_x_N,pull_y_N,pull_z_N");
+  int frames = 0, pulls = 0;
+  double before = 0.0;
+  std::array<double, 7> value{};
+  while (std::getline(rows, row)) {
+    std::istringstream columns(row);
+    for (double& v : value) {
+      std::string text;
+      std::getline(columns, text, ',');
+      v = std::stod(text);
+    }
+    EXPECT_EQ(value[0], ++frames);
+    EXPECT_GT(value[2], before) << "time goes on";
+    EXPECT_GT(value[3], 0.0);
+    EXPECT_LE(value[3], 1e3 * (value[2] - before) + 1e-2) << "asked after the frame before";
+    before = value[2];
+    pulls += value[4] != 0.0;
+  }
+  EXPECT_EQ(frames, 40);
+  EXPECT_GT(pulls, 3) << "the hand held something";
+  const Json readout = Json::parse(run.out);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double at_end = readout["pull_N"][axis];
+    EXPECT_NEAR(value[4 + axis], at_end, 1e-5 * std::abs(at_end));
+  }
+  EXPECT_EQ(this->run("--headless 1 --log-force " + path("absent/force.csv").string()).code, 2);
 }
 
 TEST_F(LiveProgram, TheReportReadsWhatWasRecorded) {

@@ -96,11 +96,15 @@ class CudaBlocks final : public Ensemble {
     step_ += program_.substeps;
   }
 
+  State motion(int member) const override {
+    const std::size_t locals = local_count(), first = member * locals;
+    return {cast_all<double>(gathered(u_.download(first, locals))),
+            cast_all<double>(gathered(v_.download(first, locals))),
+            step_ + ahead_.download(member, 1)[0]};
+  }
   State state(int member) const override {
     const std::size_t locals = local_count(), first = member * locals;
-    State state{cast_all<double>(gathered(u_.download(first, locals))),
-                cast_all<double>(gathered(v_.download(first, locals))),
-                step_ + ahead_.download(member, 1)[0]};
+    State state = motion(member);
     program_.save_added(gathered(added_.download(first, locals)), state);
     const std::size_t duals = dual_count();
     state.duals = cast_all<double>(duals_.download(member * duals, duals));

@@ -39,9 +39,11 @@ class CudaSolver final : public Solver {
     for_each_active<EffectKind::self_contact>(
         [&]<class Effect>(const auto& effect) { effect.check_room(); });
   }
+  State motion() const override {
+    return {cast_all<double>(u_.download()), cast_all<double>(v_.download()), done_.download()[0]};
+  }
   State state() const override {
-    State state{cast_all<double>(u_.download()), cast_all<double>(v_.download()),
-                done_.download()[0]};
+    State state = motion();
     save_history(effects_, state);
     if (layout_.holds) save_held(effects_, held_.download(), state);
     if (program_.rule.share > T(0)) program_.save_added(last_.download(), state);

@@ -300,6 +300,15 @@ Strained recover(const Model& model, const Samples& samples, const Around& aroun
   return fitted;
 }
 
+std::vector<Strained> means_of(const Model& model, const Samples& samples) {
+  std::vector<Strained> tets(model.tet_count());
+  for (std::size_t t = 0; t < tets.size(); ++t) {
+    for (const auto& [sample, volume] : samples.of[t])
+      add(volume / model.volume[t], samples.all[sample].value, tets[t]);
+  }
+  return tets;
+}
+
 }  // namespace
 
 Mat3<double> full(const Tensor6& s) {
@@ -322,15 +331,15 @@ bool has_stress(const Scene& scene) {
   return found;
 }
 
+std::vector<Strained> strained_tets(const Model& model, const Scene& scene, const State& state,
+                                    int order) {
+  return means_of(model, samples_of(model, scene, state, order));
+}
+
 StressField stress_field(const Model& model, const Scene& scene, const State& state, int order) {
   const Samples samples = samples_of(model, scene, state, order);
-  StressField field;
+  StressField field{.tets = means_of(model, samples)};
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
-    Strained mean;
-    for (const auto& [sample, volume] : samples.of[t]) {
-      add(volume / model.volume[t], samples.all[sample].value, mean);
-    }
-    field.tets.push_back(mean);
     for (const int v : model.tets[t]) field.corners.push_back({v, model.material_of[t]});
   }
   std::sort(field.corners.begin(), field.corners.end());

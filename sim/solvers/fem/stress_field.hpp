@@ -50,6 +50,10 @@ struct StressField {
 // one of the finite elements of second order.
 StressField stress_field(const Model& model, const Scene& scene, const State& state, int order);
 
+// [m], its tets alone.
+std::vector<Strained> strained_tets(const Model& model, const Scene& scene, const State& state,
+                                    int order);
+
 // Whether the scene's tets have energies that stresses can be told from: shape matching and springs
 // along edges have none.
 bool has_stress(const Scene& scene);
