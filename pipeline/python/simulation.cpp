@@ -109,9 +109,9 @@ sim::Diagnostics Simulation::diagnose() {
 }
 
 std::vector<sim::Strained> Simulation::strained() {
-  check_stress(run_, scene(), options_.method);
+  check_stress(run_, scene(), options_);
   const int order = setup_.file.element == sim::Element::quadratic ? 2 : 1;
-  return sim::stress_field(body(), scene(), *state(), order).tets;
+  return sim::strained_tets(body(), scene(), *state(), order);
 }
 
 Simulation::Certified Simulation::certify() {

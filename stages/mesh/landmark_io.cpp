@@ -143,6 +143,11 @@ Landmarks read_landmarks(const fs::path& path) {
     landmarks = read_table(path, "label");
   } else if (file.ends_with(".csv")) {
     landmarks = read_table(path, "name");
+  } else if (file.ends_with(".annot")) {
+    throw bad_file(
+        path, "",
+        "ITK-SNAP's annotations: places in voxels of an image that the file does not name",
+        ".csv with the columns name, x, y and z, LPS mm");
   } else {
     throw bad_file(path, "", "a name that ends otherwise", ".csv, .fcsv or .mrk.json");
   }

@@ -255,7 +255,8 @@ void simulate(StageRun& run) {
   const auto [options, why] = solver_choice(run, model, file.scene);
   const sim::Element element = report_element(run, file);
   if (run.param<bool>("forces")) check_forces(run, options.method);
-  if (run.param<bool>("stress")) check_stress(run, file.scene, options.method);
+  if (run.param<bool>("stress") || run.param<bool>("stress_frames"))
+    check_stress(run, file.scene, options);
   write_formats(run, file, mesh, model);
   report_scheme(run, options, why);
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
@@ -328,6 +329,7 @@ void simulate(StageRun& run) {
     write_stress(run, mesh, model, file.scene, outcome.last,
                  element == sim::Element::quadratic ? 2 : 1);
   }
+  if (run.param<bool>("stress_frames")) write_stress_frames(run, model, file.scene, schedule);
   if (run.param<bool>("certify") || run.has_param("adapt"))
     report_error_bar(run, mesh, model, file, probes, gaps, outcome, options);
   if (!outcome.divergence.empty()) {
@@ -349,6 +351,8 @@ std::vector<OutputFile> outputs() {
       {.file = "stress.vtu",
        .role = "stress",
        .doc = "stress and strain at the end, where `stress` asks for them"},
+      {.file = "stress.h5", .doc = "stresses by frame, where `stress_frames` asks for them"},
+      {.file = "stress.xdmf", .doc = "opens stress.h5 and trajectory.h5 in ParaView"},
       {.file = "size_field.vtu",
        .role = "size_field",
        .doc = "with `certify`, the cell sizes at which all tets have the same part in the error; "
@@ -391,6 +395,12 @@ std::vector<Param> params() {
                  .fallback = false,
                  .doc = "writes the stress and strain of the body at the end, in tets and at their "
                         "corners: stress.vtu"});
+  all.push_back({.name = "stress_frames",
+                 .type = ParamType::boolean,
+                 .fallback = false,
+                 .doc =
+                     "writes von Mises' stress and J of the tets in every frame: stress.h5, which "
+                     "stress.xdmf opens in ParaView"});
   all.push_back({.name = "formats",
                  .type = ParamType::list,
                  .fallback = Json::array(),

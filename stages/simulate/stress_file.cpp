@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
@@ -11,6 +12,8 @@
 #include "sim/solvers/fem/stress_field.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
+#include "stages/trajectory/cell_series.hpp"
+#include "stages/trajectory/trajectory_io.hpp"
 
 namespace viscera {
 namespace {
@@ -84,16 +87,25 @@ void report(StageRun& run, const TetMesh& mesh, const sim::Model& model,
 
 }  // namespace
 
-void check_stress(const StageRun& run, const sim::Scene& scene, sim::Method method) {
+void check_stress(const StageRun& run, const sim::Scene& scene, const sim::SolverOptions& options) {
+  const bool is_quadratic = options.method == sim::Method::fem && options.fem.order == 2;
+  if (run.param<bool>("stress_frames") && is_quadratic) {
+    throw Error(ExitCode::bad_config,
+                {.where = "parameters",
+                 .field = "stress_frames",
+                 .found = "beside fem_order: 2, of whose frames the middles of edges are not kept",
+                 .allowed = "tets of first order",
+                 .remedy = "stress: true, of the end, or fem_order: 1"});
+  }
   const auto refuse = [&run](std::string found) {
     throw Error(ExitCode::bad_config,
                 {.where = run.input("scene").string(),
-                 .field = "stress",
+                 .field = run.param<bool>("stress") ? "stress" : "stress_frames",
                  .found = std::move(found),
                  .allowed = "a solver and effects whose stress is known",
-                 .remedy = "solver: xpbd with neo_hookean, or stress: false"});
+                 .remedy = "solver: xpbd with neo_hookean, or without stresses"});
   };
-  if (method == sim::Method::pbd) refuse("solver: pbd, whose constraints have no stress");
+  if (options.method == sim::Method::pbd) refuse("solver: pbd, whose constraints have no stress");
   if (!sim::has_stress(scene)) refuse("effects without an energy of the strain");
 }
 
@@ -110,6 +122,36 @@ void write_stress(StageRun& run, const TetMesh& mesh, const sim::Model& model,
   at_points.insert(at_points.begin(), {moved, vertex});
   write_vtu(run.out("stress.vtu"), split(mesh, field), at_points, arrays_of(field.tets));
   report(run, mesh, model, field);
+}
+
+void write_stress_frames(StageRun& run, sim::Model model, sim::Scene scene,
+                         const Schedule& schedule) {
+  const TrajectoryReader frames(run.out("trajectory.h5"));
+  CellSeriesWriter series(run.out(""), "stress", {"von_mises_stress_kPa", "J"},
+                          model.vertex_count(), model.tet_count());
+  const std::size_t count = frames.times_s().size();
+  std::optional<std::size_t> setting;
+  for (std::size_t frame = 0; frame < count; ++frame) {
+    log::progress("stress", static_cast<double>(frame) / static_cast<double>(count));
+    const double time_s = frames.times_s()[frame];
+    const std::size_t now = schedule.at(std::max(0.0, time_s - scene.time.frame_s));
+    if (setting != now) schedule.set(now, model, scene);
+    setting = now;
+    const std::vector<float> at = frames.positions_mm(frame);
+    sim::State state;
+    for (std::size_t v = 0; v < model.vertex_count(); ++v) {
+      const sim::Vec3<double> place{at[3 * v], at[3 * v + 1], at[3 * v + 2]};
+      state.u.push_back(mm_to_m * place - model.origin - model.rest[v]);
+    }
+    std::vector<std::vector<float>> values(2);
+    for (const sim::Strained& tet : sim::strained_tets(model, scene, state, 1)) {
+      values[0].push_back(static_cast<float>(von_mises_kpa(tet)));
+      values[1].push_back(static_cast<float>(tet.volume_ratio));
+    }
+    series.append(time_s, values);
+  }
+  log::progress("stress", 1.0);
+  series.finish();
 }
 
 }  // namespace viscera

@@ -132,6 +132,15 @@ Handle untimed_dataset() {
   return creation;
 }
 
+Handle deflated_dataset(const std::vector<hsize_t>& chunk) {
+  constexpr unsigned level = 4;
+  Handle creation = untimed_dataset();
+  H5Pset_chunk(creation.id(), static_cast<int>(chunk.size()), chunk.data());
+  H5Pset_shuffle(creation.id());
+  H5Pset_deflate(creation.id(), level);
+  return creation;
+}
+
 void write_dataset(const Handle& file, const fs::path& path, const char* name, hid_t stored,
                    hid_t memory, std::initializer_list<hsize_t> shape, const void* data) {
   const Handle space(H5Screate_simple(static_cast<int>(shape.size()), shape.begin(), nullptr),

@@ -66,7 +66,8 @@ Error read_error(const std::filesystem::path& path, const std::string& field,
 Handle create_hdf5(const std::filesystem::path& path, hsize_t user_bytes = 0);
 Handle open_hdf5(const std::filesystem::path& path);
 
-Handle untimed_dataset();  // creation properties
+Handle untimed_dataset();                                    // creation properties
+Handle deflated_dataset(const std::vector<hsize_t>& chunk);  // likewise, shuffled before
 void write_dataset(const Handle& file, const std::filesystem::path& path, const char* name,
                    hid_t stored, hid_t memory, std::initializer_list<hsize_t> shape,
                    const void* data);

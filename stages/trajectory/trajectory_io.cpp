@@ -13,14 +13,12 @@
 #include "pipeline/base/trial_read.hpp"
 #include "pipeline/contract/label_name.hpp"
 #include "stages/trajectory/hdf5_file.hpp"
+#include "stages/trajectory/xdmf.hpp"
 
 namespace viscera {
 namespace fs = std::filesystem;
 using namespace hdf5;
 namespace {
-
-constexpr const char* h5_name = "trajectory.h5";
-constexpr unsigned deflate_level = 4;
 
 // Debian's is; else another file must not be read or written meanwhile (the checkpoints of a run).
 bool is_threadsafe() {
@@ -44,12 +42,8 @@ Handle create_growing(const Handle& file, const fs::path& path, const char* name
   limit[0] = H5S_UNLIMITED;
   const int rank = static_cast<int>(shape.size());
   const Handle space(H5Screate_simple(rank, shape.data(), limit.data()), H5Sclose);
-  const Handle creation = untimed_dataset();
-  H5Pset_chunk(creation.id(), rank, chunk.data());
-  if (compressed) {
-    H5Pset_shuffle(creation.id());
-    H5Pset_deflate(creation.id(), deflate_level);
-  }
+  const Handle creation = compressed ? deflated_dataset(chunk) : untimed_dataset();
+  if (!compressed) H5Pset_chunk(creation.id(), rank, chunk.data());
   Handle dataset(
       H5Dcreate2(file.id(), name, stored, space.id(), H5P_DEFAULT, creation.id(), H5P_DEFAULT),
       H5Dclose);
@@ -99,33 +93,6 @@ bool write_frame_views(const Handle& file, const Handle& positions, hsize_t fram
   return good;
 }
 
-// One grid a frame; topology and labels are shared. The .h5 is named relative to the .xdmf, so the
-// two can be moved together.
-std::string xdmf(std::size_t points, std::size_t tets, const std::vector<double>& times) {
-  std::string text = fmt::format(R"(<?xml version="1.0" ?>
-<Xdmf Version="2.0">
- <Domain>
-  <Grid Name="trajectory" GridType="Collection" CollectionType="Temporal">
-)");
-  for (std::size_t frame = 0; frame < times.size(); ++frame) {
-    text += fmt::format(R"(   <Grid Name="frame {0}" GridType="Uniform">
-    <Time Value="{1}"/>
-    <Topology TopologyType="Tetrahedron" NumberOfElements="{3}">
-     <DataItem Format="HDF" NumberType="Int" Precision="4" Dimensions="{3} 4">{4}:/tets</DataItem>
-    </Topology>
-    <Geometry GeometryType="XYZ">
-     <DataItem Format="HDF" NumberType="Float" Precision="4" Dimensions="{2} 3">{4}:/frames/{0}</DataItem>
-    </Geometry>
-    <Attribute Name="label" AttributeType="Scalar" Center="Cell">
-     <DataItem Format="HDF" NumberType="Int" Precision="4" Dimensions="{3}">{4}:/labels</DataItem>
-    </Attribute>
-   </Grid>
-)",
-                        frame, times[frame], points, tets, h5_name);
-  }
-  return text + "  </Grid>\n </Domain>\n</Xdmf>\n";
-}
-
 }  // namespace
 
 struct TrajectoryWriter::File {
@@ -137,7 +104,7 @@ struct TrajectoryWriter::File {
 
 TrajectoryWriter::TrajectoryWriter(const fs::path& folder, const TetMesh& mesh) {
   const QuietHdf5 quiet;
-  const fs::path path = folder / h5_name;
+  const fs::path path = folder / trajectory_name;
   if (mesh.points.empty() || mesh.labels.size() != mesh.tets.size()) {
     throw Error(ExitCode::bad_input,
                 {.where = path.string(),
@@ -224,7 +191,7 @@ void TrajectoryWriter::finish() {
   }
   const bool closed = f.positions_set.reset() & f.times_set.reset() & f.file.reset();
   if (!closed) throw write_error(f.path, "file");
-  write_atomically(f.folder / "trajectory.xdmf", xdmf(f.points, f.tets, f.times));
+  write_atomically(f.folder / "trajectory.xdmf", xdmf(f.points, f.tets, f.times, "", {}));
 }
 
 struct TrajectoryReader::File {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "stages/mesh/tet_io.hpp"
+#include "stages/trajectory/hdf5_file.hpp"
 #include "tests/simulate/simulate_run.hpp"
 
 namespace viscera {
@@ -153,6 +154,42 @@ TEST_F(Simulate, StressAndStrainAtTheEndAreAFileOfTheirOwn) {
   }
 }
 
+// The last frame is that of stress.vtu, with the stiffness that the schedule brings; frames before
+// it comes are those of a run without it.
+TEST_F(Simulate, StressByFrameIsThatOfWhatHoldsThen) {
+  const auto frame = [&](const char* field, std::size_t number) {
+    const hdf5::QuietHdf5 quiet;
+    const fs::path file = path("out") / "stress.h5";
+    const std::string name = fmt::format("/{}/{}", field, number);
+    const auto set = hdf5::open_dataset(hdf5::open_hdf5(file), file, name.c_str(), H5T_FLOAT, {0});
+    return hdf5::read_values<float>(set, file, name.c_str(), H5T_NATIVE_FLOAT);
+  };
+  const std::string held =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  ASSERT_EQ(run(held, {"--set", "stress_frames=true"}), 0) << errors;
+  const auto plain = frame("von_mises_stress_kPa", 10);
+  EXPECT_GT(plain.front(), 0.0f);
+  for (const float j : frame("J", 0)) EXPECT_NEAR(j, 1.0, 1e-5);
+  ASSERT_EQ(run(held + "schedule: [{at: 0.5 s, materials: {liver: {E: 9 kPa}}}]\n",
+                {"--set", "stress_frames=true", "--set", "stress=true"}),
+            0)
+      << errors;
+  EXPECT_EQ(frame("von_mises_stress_kPa", 10), plain);
+  const auto frames = metric("frames").get<std::size_t>();
+  const auto last = frame("von_mises_stress_kPa", frames - 1);
+  const TetMesh end = read_vtu(path("out") / "stress.vtu");
+  const auto& expected = end.cell_data.at("von_mises_stress_kPa");
+  ASSERT_EQ(last.size(), expected.size());
+  for (std::size_t t = 0; t < last.size(); ++t) EXPECT_NEAR(last[t], expected[t], 2e-4) << t;
+  const std::string opens = read_file(path("out") / "stress.xdmf");
+  EXPECT_NE(opens.find(fmt::format("stress.h5:/J/{}<", frames - 1)), std::string::npos);
+  EXPECT_NE(opens.find("trajectory.h5:/frames/0<"), std::string::npos);
+  EXPECT_EQ(run(held, {"--set", "stress_frames=true", "--set", "solver=fem", "--set", "fem_order=2",
+                       "--set", "fem_time=quasi_static"}),
+            3);
+  EXPECT_NE(errors.find("middles of edges"), std::string::npos) << errors;
+}
+
 TEST_F(Simulate, StressThatNothingTellsIsRefused) {
   EXPECT_EQ(run(drop_scene, {"--set", "stress=true", "--set", "solver=pbd"}), 3);
   EXPECT_NE(errors.find("constraints have no stress"), std::string::npos) << errors;
@@ -202,6 +239,7 @@ TEST_F(Simulate, ProbesThatNameNothingAreRefused) {
       {"{gap: {between: [liver, grount]}}", "did you mean 'ground'?"},
       {"{gap: {between: [lever, ground]}}", "did you mean 'liver'?"},
       {"{gap: {between: [liver]}}", "probes.gap"},
+      {"{gap: {between: [liver, liver]}}", "labels that touch"},
       {"{lump: liver}", "probes.lump"},
       {"{'a,b': {centroid: liver}}", "letters, digits"},
       {"{tip: {pint: [1 mm, 2 mm, 3 mm]}}", "did you mean 'point'?"},
@@ -261,6 +299,7 @@ TEST_F(Simulate, LandmarksThatCannotBeFollowedAreRefusedByName) {
       {"a.fcsv", "# CoordinateSystem = XYZ\n", "LPS or RAS"},
       {"a.mrk.json", R"({"markups": [{"controlPoints": [{"label": "tip"}]}]})", "position"},
       {"a.txt", "tip 1 2 3", ".csv, .fcsv or .mrk.json"},
+      {"a.annot", "<registry/>", "ITK-SNAP"},
   };
   for (const auto& [name, text, says] : cases) {
     write_atomically(path(name), text);
