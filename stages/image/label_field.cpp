@@ -84,14 +84,16 @@ double trilinear(const std::array<float, 8>& c, double x, double y, double z) {
   return near + z * (far - near);
 }
 
-double fraction_above(const std::array<float, 8>& c, double level) {
+constexpr int samples = 27;  // of a cell, at the middles of its thirds
+
+int samples_above(const std::array<float, 8>& c, double level) {
   const auto [low, high] = std::minmax_element(c.begin(), c.end());
-  if (*low > level) return 1.0;
-  if (*high <= level) return 0.0;
+  if (*low > level) return samples;
+  if (*high <= level) return 0;
   int above = 0;
-  for (int s = 0; s < 27; ++s)
+  for (int s = 0; s < samples; ++s)
     above += trilinear(c, (s % 3 + 0.5) / 3, (s / 3 % 3 + 0.5) / 3, (s / 9 + 0.5) / 3) > level;
-  return above / 27.0;
+  return above;
 }
 
 // Of each voxel, the mean over the eight cells around it of what `wanted`, a mask, has in the cell
@@ -107,8 +109,9 @@ Field lacking(const Frame& frame, const Field& wanted, const Field& field) {
           const std::size_t at = k * plane + static_cast<std::size_t>(j) * nx + i;
           const auto has = corners(frame, wanted, at);
           const float sum = std::accumulate(has.begin(), has.end(), 0.0f);
-          by_cell[at] =
-              static_cast<float>(sum / 8.0 - fraction_above(corners(frame, field, at), 0.5));
+          by_cell[at] = static_cast<float>(
+              sum / 8.0 -
+              static_cast<double>(samples_above(corners(frame, field, at), 0.5)) / samples);
         }
   });
   // Along each axis half of a cell's value goes to either side.
@@ -162,12 +165,16 @@ double sample(const Frame& frame, const Field& field, const std::array<double, 3
 }
 
 double volume_above(const Frame& frame, const Field& field, double level) {
-  double cells = 0.0;
-  for (int k = 0; k + 1 < frame.size[2]; ++k)
-    for (int j = 0; j + 1 < frame.size[1]; ++j)
-      for (int i = 0; i + 1 < frame.size[0]; ++i)
-        cells += fraction_above(corners(frame, field, frame.index(i, j, k)), level);
-  return cells * frame.voxel_volume();
+  std::vector<std::int64_t> above(static_cast<std::size_t>(frame.size[2] - 1));  // of a layer
+  sim::parallel_ranges(above.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k)
+      for (int j = 0; j + 1 < frame.size[1]; ++j)
+        for (int i = 0; i + 1 < frame.size[0]; ++i)
+          above[k] +=
+              samples_above(corners(frame, field, frame.index(i, j, static_cast<int>(k))), level);
+  });
+  const auto all = std::accumulate(above.begin(), above.end(), std::int64_t{0});
+  return static_cast<double>(all) / samples * frame.voxel_volume();
 }
 
 namespace {

@@ -27,6 +27,7 @@ Field smooth(const Frame& frame, const std::vector<std::uint8_t>& mask, double s
 // leave [0, 1] by some tenths.
 Field smooth_keeping_volume(const Frame& frame, const std::vector<std::uint8_t>& mask,
                             double sigma);
+inline constexpr double reach_of_smoothing = 16.0;  // sigmas beyond the mask, where it ends at 0
 
 // The sigma used where none is asked for: 0.8 of the largest spacing, which removes the staircase
 // and little else.

@@ -1,8 +1,8 @@
 // The contour of a field as closed, outward-oriented triangles, through VTK's flying edges.
 #pragma once
 
+#include "stages/image/mask.hpp"
 #include "stages/mesh/surface_mesh.hpp"
-#include "stages/surface/mask.hpp"
 
 namespace viscera {
 

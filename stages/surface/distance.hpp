@@ -2,8 +2,8 @@
 // smoothing lost thin parts. Lengths in mm.
 #pragma once
 
+#include "stages/image/mask.hpp"
 #include "stages/mesh/surface_mesh.hpp"
-#include "stages/surface/mask.hpp"
 
 namespace viscera {
 

@@ -2,7 +2,7 @@
 // these a sharper one takes its place.
 #pragma once
 
-#include "stages/surface/mask.hpp"
+#include "stages/image/mask.hpp"
 
 namespace viscera {
 

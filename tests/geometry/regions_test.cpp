@@ -195,6 +195,38 @@ TEST_F(SizedMesh, WhatIsNoneOfThisBodyIsRefused) {
           "mesh=" + (folder_.path() / "given.vtu").string());
 }
 
+// The gate is set a little above what the first mesh reaches, of several cell sizes the one that
+// happens to be the worst.
+TEST_F(Tetmesh, AMeshThatFailsByTheAnglesAtARegionIsMadeAgainWithNearlyTheSameCells) {
+  const auto labels = write(testing::nested_balls(radius));
+  double angle = 0.0, size = 0.0;  // of the last mesh
+  const auto made = [&](double cell_size, double least) {
+    std::filesystem::remove_all(out());
+    const auto outcome = run(labels, {fmt::format("cell_size={}mm", cell_size),
+                                      "regions={support: {side: left, within: 9 mm}}",
+                                      fmt::format("min_dihedral={} deg", least)});
+    const Json quality = testing::read_json(out() / "quality.json");
+    angle = quality["measures"]["dihedral_min"]["min"], size = quality["cell_size_mm"];
+    return outcome;
+  };
+  double worst = 90.0, asked = 0.0;
+  for (const double cell_size : {3.8, 4.0, 4.2, 4.4}) {
+    const auto first = made(cell_size, 0.0);
+    EXPECT_EQ(first.code, 0) << first.log;
+    EXPECT_EQ(size, cell_size);
+    EXPECT_EQ(first.log.find("miss a gate"), std::string::npos) << first.log;
+    if (angle < worst) worst = angle, asked = cell_size;
+  }
+  const auto again = made(asked, worst + 0.3);
+  EXPECT_EQ(again.code, 0) << again.log;
+  EXPECT_NE(again.log.find("miss a gate"), std::string::npos) << again.log;
+  EXPECT_GE(angle, worst + 0.3);
+  EXPECT_NE(size, asked);
+  EXPECT_NEAR(size, asked, 0.031 * asked);
+  EXPECT_EQ(made(asked, 60.0).code, 5);
+  EXPECT_GT(angle, worst) << "of those that were made the best is kept";
+}
+
 TEST_F(Tetmesh, WhereABorderMeetsTheSurfaceItsPointsLieOnBoth) {
   ASSERT_EQ(run(write(testing::ball_surface(radius)),
                 {"cell_size=5mm", "regions={support: {side: left, within: 15 mm}}"})

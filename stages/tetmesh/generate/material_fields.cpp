@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "pipeline/base/error.hpp"
+#include "stages/image/mask.hpp"
 
 namespace viscera {
 namespace {
@@ -33,14 +34,25 @@ MaterialFields::MaterialFields(const LabelImage& image, double sigma) : frame_(i
   }
   const std::size_t width = this->width();
   values_.resize(width * frame_.voxels());
+  body_.assign(frame_.voxels(), 0.0f);
+  // Each in a box of its own, beyond which its field is 0.
   for (std::size_t slot = 0; slot < width; ++slot) {
-    const int id = slot == 0 ? 0 : ids_[slot - 1];
-    const Field field = smooth_keeping_volume(frame_, mask_of(image, id), sigma);
-    if (slot == 0) {
-      body_ = field;
-      continue;
+    const Mask mask =
+        mask_around(image, slot == 0 ? 0 : ids_[slot - 1], reach_of_smoothing * sigma);
+    const Field field = smooth_keeping_volume(mask.frame, mask.inside, sigma);
+    std::array<int, 3> begin, end;  // in the volume
+    for (int a = 0; a < 3; ++a) {
+      begin[a] = std::max(0, mask.first[a]);
+      end[a] = std::min(frame_.size[a], mask.first[a] + mask.frame.size[a]);
     }
-    for (std::size_t v = 0; v < field.size(); ++v) values_[v * width + slot] = field[v];
+    for (int k = begin[2]; k < end[2]; ++k)
+      for (int j = begin[1]; j < end[1]; ++j)
+        for (int i = begin[0]; i < end[0]; ++i) {
+          const std::size_t v = frame_.index(i, j, k);
+          const float value =
+              field[mask.frame.index(i - mask.first[0], j - mask.first[1], k - mask.first[2])];
+          (slot == 0 ? body_[v] : values_[v * width + slot]) = value;
+        }
   }
   aim({});
 }

@@ -1,4 +1,4 @@
-#include "stages/surface/mask.hpp"
+#include "stages/image/mask.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -30,6 +30,7 @@ Mask mask_around(const LabelImage& image, int label, double margin) {
     lo[a] -= pad;
     corner[a] = lo[a] * from.spacing[a];
   }
+  mask.first = lo;
   mask.frame.origin = from.to_lps(corner);
   mask.inside.assign(mask.frame.voxels(), 0);
   for (int k = std::max(0, lo[2]); k <= std::min(from.size[2] - 1, hi[2]); ++k)

@@ -8,6 +8,7 @@ namespace viscera {
 
 struct Mask {
   Frame frame;                       // of the box; lies on the volume's grid
+  std::array<int, 3> first{};        // its first voxel, on the volume's grid
   std::vector<std::uint8_t> inside;  // 1 where the voxel holds the label
   std::size_t voxels = 0;            // that are inside
   double volume() const { return static_cast<double>(voxels) * frame.voxel_volume(); }  // mm3
