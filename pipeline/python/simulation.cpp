@@ -109,7 +109,7 @@ sim::Diagnostics Simulation::diagnose() {
 }
 
 std::vector<sim::Strained> Simulation::strained() {
-  check_stress(run_, scene(), options_);
+  check_stress(run_, scene(), options_.method);
   const int order = setup_.file.element == sim::Element::quadratic ? 2 : 1;
   return sim::strained_tets(body(), scene(), *state(), order);
 }

@@ -1,7 +1,6 @@
 #include "sim/measures/gap.hpp"
 
 #include <algorithm>
-#include <array>
 #include <iterator>
 #include <limits>
 #include <set>
@@ -41,17 +40,6 @@ BodyPart surface_of(const Model& model, int material) {
   return part;
 }
 
-// What triangle abc has of its point p: the shape functions of its corners.
-std::array<double, 3> shares(const Vec3<double>& p, const Vec3<double>& a, const Vec3<double>& b,
-                             const Vec3<double>& c) {
-  const Vec3<double> normal = cross(b - a, c - a);
-  const double area = dot(normal, normal);
-  if (area == 0.0) return {1.0, 0.0, 0.0};
-  const double of_b = dot(cross(p - a, c - a), normal) / area;
-  const double of_c = dot(cross(b - a, p - a), normal) / area;
-  return {1.0 - of_b - of_c, of_b, of_c};
-}
-
 // Of a part's vertices, the one nearest to the other's surface, if that is nearer than `gap` is.
 void look_for_nearer(const BodyPart& part, const BodyPart& other,
                      const std::vector<Vec3<double>>& at, Gap& gap) {
@@ -80,8 +68,8 @@ void look_for_nearer(const BodyPart& part, const BodyPart& other,
       const Vec3<double> point = nearest_on_triangle(at[v], at[a], at[b], at[c]);
       const double distance = norm(at[v] - point);
       if (distance >= gap.distance) continue;
-      const auto [of_a, of_b, of_c] = shares(point, at[a], at[b], at[c]);
-      gap = {distance, {{v, 1.0}, {a, -of_a}, {b, -of_b}, {c, -of_c}}};
+      const auto& share = over_triangle(point, at[a], at[b], at[c]).b;
+      gap = {distance, {{v, 1.0}, {a, -share[0]}, {b, -share[1]}, {c, -share[2]}}};
     }
   }
 }

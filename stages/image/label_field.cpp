@@ -122,14 +122,6 @@ Field lacking(const Frame& frame, const Field& wanted, const Field& field) {
 
 }  // namespace
 
-std::vector<std::uint8_t> mask_of(const LabelImage& image, int label) {
-  std::vector<std::uint8_t> mask(image.voxels.size());
-  std::transform(image.voxels.begin(), image.voxels.end(), mask.begin(), [label](int id) {
-    return static_cast<std::uint8_t>(label == 0 ? id != 0 : id == label);
-  });
-  return mask;
-}
-
 Field smooth(const Frame& frame, const std::vector<std::uint8_t>& mask, double sigma) {
   return gaussian(frame, Field(mask.begin(), mask.end()), sigma);
 }

@@ -13,9 +13,6 @@ namespace viscera {
 
 using Field = std::vector<float>;  // one value per voxel, 1 well inside and 0 well outside
 
-// 1 where the voxel holds `label` (any label when 0).
-std::vector<std::uint8_t> mask_of(const LabelImage& image, int label);
-
 // Gaussian of standard deviation `sigma` mm, cut off at 4 sigma; outside the volume there is 0.
 Field smooth(const Frame& frame, const std::vector<std::uint8_t>& mask, double sigma);
 

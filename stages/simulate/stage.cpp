@@ -255,8 +255,9 @@ void simulate(StageRun& run) {
   const auto [options, why] = solver_choice(run, model, file.scene);
   const sim::Element element = report_element(run, file);
   if (run.param<bool>("forces")) check_forces(run, options.method);
-  if (run.param<bool>("stress") || run.param<bool>("stress_frames"))
-    check_stress(run, file.scene, options);
+  const bool frames_of_stress = run.param<bool>("stress_frames");
+  if (run.param<bool>("stress") || frames_of_stress) check_stress(run, file.scene, options.method);
+  if (frames_of_stress) check_stress_frames(options);
   write_formats(run, file, mesh, model);
   report_scheme(run, options, why);
   const sim::Stability stability = apply_policy(schedule, model, file.scene, options);
@@ -329,7 +330,7 @@ void simulate(StageRun& run) {
     write_stress(run, mesh, model, file.scene, outcome.last,
                  element == sim::Element::quadratic ? 2 : 1);
   }
-  if (run.param<bool>("stress_frames")) write_stress_frames(run, model, file.scene, schedule);
+  if (frames_of_stress) write_stress_frames(run, model, file.scene, schedule);
   if (run.param<bool>("certify") || run.has_param("adapt"))
     report_error_bar(run, mesh, model, file, probes, gaps, outcome, options);
   if (!outcome.divergence.empty()) {

@@ -87,26 +87,27 @@ void report(StageRun& run, const TetMesh& mesh, const sim::Model& model,
 
 }  // namespace
 
-void check_stress(const StageRun& run, const sim::Scene& scene, const sim::SolverOptions& options) {
-  const bool is_quadratic = options.method == sim::Method::fem && options.fem.order == 2;
-  if (run.param<bool>("stress_frames") && is_quadratic) {
-    throw Error(ExitCode::bad_config,
-                {.where = "parameters",
-                 .field = "stress_frames",
-                 .found = "beside fem_order: 2, of whose frames the middles of edges are not kept",
-                 .allowed = "tets of first order",
-                 .remedy = "stress: true, of the end, or fem_order: 1"});
-  }
+void check_stress(const StageRun& run, const sim::Scene& scene, sim::Method method) {
   const auto refuse = [&run](std::string found) {
     throw Error(ExitCode::bad_config,
                 {.where = run.input("scene").string(),
-                 .field = run.param<bool>("stress") ? "stress" : "stress_frames",
+                 .field = "stress",
                  .found = std::move(found),
                  .allowed = "a solver and effects whose stress is known",
                  .remedy = "solver: xpbd with neo_hookean, or without stresses"});
   };
-  if (options.method == sim::Method::pbd) refuse("solver: pbd, whose constraints have no stress");
+  if (method == sim::Method::pbd) refuse("solver: pbd, whose constraints have no stress");
   if (!sim::has_stress(scene)) refuse("effects without an energy of the strain");
+}
+
+void check_stress_frames(const sim::SolverOptions& options) {
+  if (options.method != sim::Method::fem || options.fem.order != 2) return;
+  throw Error(ExitCode::bad_config,
+              {.where = "parameters",
+               .field = "stress_frames",
+               .found = "beside fem_order: 2, of whose frames the middles of edges are not kept",
+               .allowed = "tets of first order",
+               .remedy = "stress: true, of the end, or fem_order: 1"});
 }
 
 void write_stress(StageRun& run, const TetMesh& mesh, const sim::Model& model,

@@ -14,8 +14,11 @@
 
 namespace viscera {
 
-// Throws Error(bad_config) where nothing says which stresses a scene has, or where frames do not.
-void check_stress(const StageRun& run, const sim::Scene& scene, const sim::SolverOptions& options);
+// Throws Error(bad_config) where nothing says which stresses a scene has.
+void check_stress(const StageRun& run, const sim::Scene& scene, sim::Method method);
+
+// Likewise where frames do not hold all that stresses are told from.
+void check_stress_frames(const sim::SolverOptions& options);
 
 // Writes the file and says in metrics and log how large stresses are. `order`: of the elements.
 void write_stress(StageRun& run, const TetMesh& mesh, const sim::Model& model,

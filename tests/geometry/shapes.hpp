@@ -34,6 +34,13 @@ LabelImage draw(int n, const std::array<double, 3>& spacing, Label label) {
   return image;
 }
 
+// 1 where the voxel holds `label`.
+inline std::vector<std::uint8_t> mask_of(const LabelImage& image, int label) {
+  std::vector<std::uint8_t> mask(image.voxels.size());
+  for (std::size_t v = 0; v < mask.size(); ++v) mask[v] = image.voxels[v] == label;
+  return mask;
+}
+
 // A ball of label 1 with a smaller, off-centre ball of label 2 inside; radii in mm.
 LabelImage nested_balls(double outer = 20.0, double inner = 8.0);
 

@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 TEST(LabelField, TheMatchedLevelKeepsTheVolumeOfTheVoxels) {
   const LabelImage image = testing::nested_balls();
-  const auto mask = mask_of(image, 2);
+  const auto mask = testing::mask_of(image, 2);
   const double volume =
       static_cast<double>(std::count(mask.begin(), mask.end(), 1)) * image.frame.voxel_volume();
   const Field field = smooth(image.frame, mask, 1.5);
@@ -36,7 +36,7 @@ TEST(LabelField, AGaussianKeepsTheSumAndIsTheSameAlongEveryAxisInMm) {
   LabelImage image = testing::draw(41, {1.0, 0.5, 2.0}, [](double x, double y, double z) {
     return x == 0.0 && y == 0.0 && z == 0.0 ? 1 : 0;
   });
-  const Field field = smooth(image.frame, mask_of(image, 1), 2.0);
+  const Field field = smooth(image.frame, testing::mask_of(image, 1), 2.0);
   double sum = 0.0;
   for (const float value : field) sum += value;
   EXPECT_NEAR(sum, 1.0, 1e-4);
@@ -51,7 +51,7 @@ TEST(LabelField, WhatAGaussianTakesFromThinPartsAndEdgesIsPutBack) {
   const LabelImage plate = testing::draw(36, {1.0, 1.0, 1.0}, [](double x, double y, double z) {
     return std::abs(x) < 10 && std::abs(y) < 10 && std::abs(z) < 1.5 ? 1 : 0;
   });
-  const auto mask = mask_of(plate, 1);
+  const auto mask = testing::mask_of(plate, 1);
   const double volume = static_cast<double>(std::count(mask.begin(), mask.end(), 1));
   const auto lost = [&](const Field& field) {
     return std::abs(1.0 - volume_above(plate.frame, field, 0.5) / volume);
@@ -65,7 +65,7 @@ TEST(LabelField, WhatAGaussianTakesFromThinPartsAndEdgesIsPutBack) {
 TEST(LabelField, StepsOfVoxelsStaySmoothedWhereVolumeIsPutBack) {
   const LabelImage slope = testing::draw(
       48, {1.0, 1.0, 1.0}, [](double x, double, double z) { return z < x / 3.0 + 0.1 ? 1 : 0; });
-  const auto mask = mask_of(slope, 1);
+  const auto mask = testing::mask_of(slope, 1);
   const auto roughness = [&](const Field& field) {  // mm, how far the face goes to and fro
     double sum = 0.0, squares = 0.0;
     int points = 0;

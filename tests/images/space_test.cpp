@@ -90,7 +90,7 @@ Body measure(const LabelImage& image) {
       const double d = p[a] - body.centroid[a], e = p[(a + 1) % 3] - body.centroid[(a + 1) % 3];
       body.skew[a] += d * d * e / count;
     }
-  const auto surface = contour(frame, smooth(frame, mask_of(image, 1), 1.6), 0.5, 1);
+  const auto surface = contour(frame, smooth(frame, testing::mask_of(image, 1), 1.6), 0.5, 1);
   body.surface = check(surface).volume;
   double area = 0.0;
   for (const auto& t : surface.triangles) {
