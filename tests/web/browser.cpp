@@ -88,7 +88,15 @@ Picture Browser::screenshot(const std::string& address, int width, int height) {
 }
 
 std::string Browser::document(const std::string& address, int width, int height) {
-  return run(address, width, height, "--dump-dom");
+  // Virtual time does not wait for the threads that unpack a page's data: on a busy machine it may
+  // be over before they are.
+  constexpr int looks = 5;
+  std::string document;
+  for (int look = 0; look < looks; ++look) {
+    document = run(address, width, height, "--dump-dom");
+    if (document.find("data-state=\"loading\"") == std::string::npos) break;
+  }
+  return document;
 }
 
 }  // namespace viscera
