@@ -1,15 +1,20 @@
 #include "stages/mesh/landmark_io.hpp"
 
 #include <fmt/format.h>
+#include <vtkNew.h>
+#include <vtkXMLParser.h>
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 #include <sstream>
 
 #include "pipeline/base/atomic_file.hpp"
 #include "pipeline/base/json_value.hpp"
+#include "pipeline/base/markup.hpp"
+#include "stages/mesh/vtk_messages.hpp"
 
 namespace viscera {
 namespace {
@@ -67,7 +72,8 @@ struct Columns {
   }
 };
 
-double coordinate(const fs::path& path, std::size_t line, const std::string& cell) {
+double coordinate(const fs::path& path, const std::string& field, const std::string& cell,
+                  const char* unit) {
   std::size_t read = 0;
   double value = NAN;
   try {
@@ -75,7 +81,7 @@ double coordinate(const fs::path& path, std::size_t line, const std::string& cel
   } catch (const std::logic_error&) {  // said below
   }
   if (read != cell.size() || !std::isfinite(value)) {
-    throw bad_file(path, fmt::format("line {}", line), "'" + cell + "'", "a coordinate in mm");
+    throw bad_file(path, field, "'" + cell + "'", fmt::format("a coordinate in {}", unit));
   }
   return value;
 }
@@ -110,7 +116,8 @@ Landmarks read_table(const fs::path& path, const std::string& name) {
                      "a cell for each column");
     }
     std::array<double, 3> at{};
-    for (int k = 0; k < 3; ++k) at[k] = coordinate(path, number, cells[place[k]]);
+    for (int k = 0; k < 3; ++k)
+      at[k] = coordinate(path, fmt::format("line {}", number), cells[place[k]], "mm");
     landmarks.all.push_back(landmark_of(cells[own_name], at, landmarks.were_ras));
   }
   return landmarks;
@@ -132,6 +139,61 @@ Landmarks read_markups(const fs::path& path) {
   return landmarks;
 }
 
+constexpr const char* annotation_format = "ITK-SNAP Annotation File";
+
+// What ITK-SNAP writes of its annotations: folders in folders, each with entries. Those of an
+// annotation stand in the folder Element[i] of the folder Annotations.
+class Annotations : public vtkXMLParser {
+ public:
+  static Annotations* New();
+  vtkTypeMacro(Annotations, vtkXMLParser);
+  std::string format;
+  std::map<std::string, std::map<std::string, std::string>> entries;  // of each annotation
+
+ protected:
+  void StartElement(const char* name, const char** attributes) override {
+    const auto attribute = [attributes](std::string_view asked) -> std::string {
+      for (std::size_t k = 0; attributes[k] && attributes[k + 1]; k += 2)
+        if (attributes[k] == asked) return attributes[k + 1];
+      return "";
+    };
+    const std::string key = attribute("key");
+    if (folders_.size() == 1 && key == "Format") format = attribute("value");
+    if (folders_.size() == 3 && folders_[1] == "Annotations" && name == std::string_view("entry")) {
+      entries[folders_[2]][key] = attribute("value");
+    }
+    folders_.push_back(key);
+  }
+  void EndElement(const char*) override { folders_.pop_back(); }
+
+ private:
+  std::vector<std::string> folders_;  // keys of the elements around, the registry's own first
+};
+
+vtkStandardNewMacro(Annotations);
+
+Landmarks read_annotations(const fs::path& path) {
+  const std::string text = read_file(path);
+  const VtkMessages messages;
+  const vtkNew<Annotations> annotations;
+  const bool parsed = annotations->Parse(text.data(), static_cast<unsigned>(text.size()));
+  if (!parsed || annotations->format != annotation_format) {
+    throw bad_file(path, "Format", parsed ? "'" + annotations->format + "'" : messages.first(),
+                   fmt::format("XML whose entry Format is '{}'", annotation_format));
+  }
+  Landmarks landmarks{.in_voxels = true};
+  for (auto& [element, entries] : annotations->entries) {
+    if (entries["Type"] != "LandmarkAnnotation") continue;  // a ruler
+    std::istringstream in(entries["Pos"]);
+    std::array<std::string, 3> cells;
+    in >> cells[0] >> cells[1] >> cells[2];
+    std::array<double, 3> at{};
+    for (int k = 0; k < 3; ++k) at[k] = coordinate(path, element + ".Pos", cells[k], "voxels");
+    landmarks.all.push_back(landmark_of(entries["Text"], at, false));
+  }
+  return landmarks;
+}
+
 }  // namespace
 
 Landmarks read_landmarks(const fs::path& path) {
@@ -144,12 +206,9 @@ Landmarks read_landmarks(const fs::path& path) {
   } else if (file.ends_with(".csv")) {
     landmarks = read_table(path, "name");
   } else if (file.ends_with(".annot")) {
-    throw bad_file(
-        path, "",
-        "ITK-SNAP's annotations: places in voxels of an image that the file does not name",
-        ".csv with the columns name, x, y and z, LPS mm");
+    landmarks = read_annotations(path);
   } else {
-    throw bad_file(path, "", "a name that ends otherwise", ".csv, .fcsv or .mrk.json");
+    throw bad_file(path, "", "a name that ends otherwise", ".csv, .fcsv, .mrk.json or .annot");
   }
   std::set<std::string> names;
   for (const auto& [name, place] : landmarks.all) {
@@ -179,6 +238,26 @@ std::string landmarks_as_markups(const std::vector<Landmark>& landmarks) {
               {"markups", Json::array({markup})}}
              .dump(1) +
          "\n";
+}
+
+std::string landmarks_as_annotations(const std::vector<Landmark>& landmarks) {
+  const auto entry = [](const char* indent, const char* key, const std::string& value) {
+    return fmt::format("{}<entry key=\"{}\" value=\"{}\" />\n", indent, key, escaped_markup(value));
+  };
+  std::string text = "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<registry>\n" +
+                     entry("  ", "Format", annotation_format) +
+                     entry("  ", "FormatDate", "20150624") + "  <folder key=\"Annotations\" >\n" +
+                     entry("    ", "ArraySize", std::to_string(landmarks.size()));
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    const auto& [name, place] = landmarks[i];
+    text +=
+        fmt::format("    <folder key=\"Element[{}]\" >\n", i) +
+        entry("      ", "Type", "LandmarkAnnotation") + entry("      ", "Text", name) +
+        entry("      ", "Pos", fmt::format("{:.9g} {:.9g} {:.9g}", place[0], place[1], place[2])) +
+        entry("      ", "VisibleInAllSlices", "1") + entry("      ", "VisibleInAllPlanes", "1") +
+        "    </folder>\n";
+  }
+  return text + "  </folder>\n</registry>\n";
 }
 
 std::string landmarks_as_table(const std::vector<Landmark>& landmarks) {

@@ -7,6 +7,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
 #include "sim/base/refusal.hpp"
+#include "stages/image/image_io.hpp"
 #include "stages/mesh/landmark_io.hpp"
 #include "stages/program/param_values.hpp"
 #include "stages/simulate/body.hpp"
@@ -68,10 +69,40 @@ int number_of(const std::string& name, const std::vector<std::string>& all,
   return static_cast<int>(found - all.begin());
 }
 
+// ITK-SNAP's places: voxels, the centre of the first one at 0.5.
+using Place = std::array<double, 3>;
+
+Place from_voxels(const Frame& frame, const Place& voxels) {
+  Place mm{};
+  for (int k = 0; k < 3; ++k) mm[k] = frame.spacing[k] * (voxels[k] - 0.5);
+  return frame.to_lps(mm);
+}
+
+Place to_voxels(const Frame& frame, const Place& lps) {
+  const Place mm = frame.from_lps(lps);
+  Place voxels{};
+  for (int k = 0; k < 3; ++k) voxels[k] = mm[k] / frame.spacing[k] + 0.5;
+  return voxels;
+}
+
+Frame image_of_landmarks(const StageRun& run) {
+  if (!run.has_input("landmarks_image")) {
+    throw Error(ExitCode::bad_input,
+                {.where = run.input("landmarks").string(),
+                 .found = "places in voxels of an image that the file does not name",
+                 .remedy = "give the image that ITK-SNAP had open as the input landmarks_image"});
+  }
+  return read_scalar_image(run.input("landmarks_image")).frame;
+}
+
 // Follows those of `probes`, whose names they must not have.
 void add_landmarks(const StageRun& run, const sim::Model& model, std::vector<sim::Probe>& probes) {
   const std::filesystem::path file = run.input("landmarks");
-  const Landmarks landmarks = read_landmarks(file);
+  Landmarks landmarks = read_landmarks(file);
+  if (landmarks.in_voxels) {
+    const Frame frame = image_of_landmarks(run);
+    for (Landmark& landmark : landmarks.all) landmark.place = from_voxels(frame, landmark.place);
+  }
   if (landmarks.were_ras) {
     log::info("{} landmarks are in RAS: taken to LPS", landmarks.all.size());
   }
@@ -179,6 +210,10 @@ void write_landmarks(const StageRun& run, const sim::Model& model,
   }
   write_atomically(run.out("landmarks.csv"), landmarks_as_table(at_end));
   write_atomically(run.out("landmarks.mrk.json"), landmarks_as_markups(at_end));
+  if (!run.has_input("landmarks_image")) return;
+  const Frame frame = image_of_landmarks(run);
+  for (Landmark& landmark : at_end) landmark.place = to_voxels(frame, landmark.place);
+  write_atomically(run.out("landmarks.annot"), landmarks_as_annotations(at_end));
 }
 
 }  // namespace viscera

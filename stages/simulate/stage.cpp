@@ -349,6 +349,7 @@ std::vector<OutputFile> outputs() {
       {.file = "checkpoint.h5", .role = "checkpoint", .doc = "the last good state, to go on from"},
       {.file = "landmarks.csv", .doc = "where landmarks are at the end, LPS mm"},
       {.file = "landmarks.mrk.json", .doc = "the same, for 3D Slicer"},
+      {.file = "landmarks.annot", .doc = "the same in voxels of `landmarks_image`, for ITK-SNAP"},
       {.file = "stress.vtu",
        .role = "stress",
        .doc = "stress and strain at the end, where `stress` asks for them"},
@@ -436,7 +437,12 @@ const Stage& simulate_stage() {
                       {.role = "landmarks",
                        .required = false,
                        .doc = "points of the body at rest to follow beside `probes`: .csv (name, "
-                              "x, y, z; LPS mm), .fcsv or .mrk.json of 3D Slicer"},
+                              "x, y, z; LPS mm), .fcsv or .mrk.json of 3D Slicer, .annot of "
+                              "ITK-SNAP"},
+                      {.role = "landmarks_image",
+                       .required = false,
+                       .doc = "the image that ITK-SNAP had open, in whose voxels it tells places: "
+                              "for a .annot, and to write one"},
                       {.role = "study",
                        .required = false,
                        .doc = "study.json of viscera-compare, for the param accuracy"},

@@ -109,6 +109,7 @@ void write_seeds(const fs::path& folder) {
   const std::vector<Landmark> landmarks = {{"tip", {1, -2, 3}}, {"F-1", {4.5, 5, -6}}};
   write_atomically(folder / "landmarks/a.csv", landmarks_as_table(landmarks));
   write_atomically(folder / "landmarks/a.mrk.json", landmarks_as_markups(landmarks));
+  write_atomically(folder / "landmarks/a.annot", landmarks_as_annotations(landmarks));
   write_atomically(folder / "landmarks/a.fcsv",
                    "# CoordinateSystem = RAS\n# columns = id,x,y,z,label\n1,2,3,4,tip\n");
   TrajectoryWriter writer(folder / "trajectory_bytes", mesh);

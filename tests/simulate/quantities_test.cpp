@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "stages/image/image_io.hpp"
+#include "stages/mesh/landmark_io.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/trajectory/hdf5_file.hpp"
 #include "tests/simulate/simulate_run.hpp"
@@ -288,7 +290,85 @@ TEST_F(Simulate, LandmarksOf3DSlicerComeInAndOut) {
   for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(tip["position"][k].number(), end["tip"][k]);
 }
 
+// Of an image whose axes are not the patient's. ITK-SNAP's first voxel reaches from 0 to 1.
+TEST_F(Simulate, LandmarksOfItkSnapComeInAndOutInTheVoxelsOfTheirImage) {
+  const std::string held =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  const std::vector<Landmark> lps = {{"tip", {1, 2, 53}}, {"low", {-4, 5, 26}}};
+  write_atomically(path("a.csv"), landmarks_as_table(lps));
+  const std::string in_mm = "landmarks=" + path("a.csv").string();
+  ASSERT_EQ(run(held, {"--in", in_mm}), 0) << errors;
+  const std::string table = read_file(path("out") / "landmarks.csv");
+  // Voxel (i, j, k) is centred at (10 - 2 i, 8 - 4 k, 20 + j).
+  write_nrrd(path("ct.nrrd"), ScalarImage{{.size = {12, 50, 5},
+                                           .spacing = {2, 1, 4},
+                                           .origin = {10, 8, 20},
+                                           .direction = {-1, 0, 0, 0, 0, -1, 0, 1, 0}},
+                                          std::vector<float>(12 * 50 * 5)});
+  write_atomically(path("a.annot"), R"(<?xml version="1.0" encoding="UTF-8" ?>
+<!DOCTYPE registry [
+<!ELEMENT registry (entry*,folder*)>
+<!ELEMENT folder (entry*,folder*)>
+<!ELEMENT entry EMPTY>
+<!ATTLIST folder key CDATA #REQUIRED>
+<!ATTLIST entry key CDATA #REQUIRED>
+<!ATTLIST entry value CDATA #REQUIRED>
+]>
+<registry>
+  <entry key="Format" value="ITK-SNAP Annotation File" />
+  <entry key="FormatDate" value="20150624" />
+  <folder key="Annotations" >
+    <entry key="ArraySize" value="3" />
+    <folder key="Element[0]" >
+      <entry key="Pos" value="5 33.5 2" />
+      <entry key="Text" value="tip" />
+      <entry key="Type" value="LandmarkAnnotation" />
+      <folder key="Tags" >
+        <entry key="Text" value="not a name" />
+      </folder>
+    </folder>
+    <folder key="Element[1]" >
+      <entry key="Point1" value="1 2 3" />
+      <entry key="Type" value="LineSegmentAnnotation" />
+    </folder>
+    <folder key="Element[2]" >
+      <entry key="Pos" value="7.5 6.5 1.25" />
+      <entry key="Text" value="low" />
+      <entry key="Type" value="LandmarkAnnotation" />
+    </folder>
+  </folder>
+</registry>
+)");
+  const std::string image = "landmarks_image=" + path("ct.nrrd").string();
+  const auto taking = [&](const fs::path& file) {
+    return run(held, {"--in", "landmarks=" + file.string(), "--in", image});
+  };
+  ASSERT_EQ(taking(path("a.annot")), 0) << errors;
+  EXPECT_EQ(read_file(path("out") / "landmarks.csv"), table);
+  const std::string annotations = read_file(path("out") / "landmarks.annot");
+  // What comes out goes in again, and a table with an image becomes the same annotations.
+  const Landmarks again = read_landmarks(path("out") / "landmarks.annot");
+  ASSERT_TRUE(again.in_voxels);
+  ASSERT_EQ(again.all.size(), 2u);
+  const Json end = metric("probe_end");
+  for (const auto& [name, voxels] : again.all) {
+    EXPECT_NEAR(10 - 2 * (voxels[0] - 0.5), end[name][0].get<double>(), 1e-6) << name;
+    EXPECT_NEAR(8 - 4 * (voxels[2] - 0.5), end[name][1].get<double>(), 1e-6) << name;
+    EXPECT_NEAR(20 + (voxels[1] - 0.5), end[name][2].get<double>(), 1e-6) << name;
+  }
+  ASSERT_EQ(run(held, {"--in", in_mm, "--in", image}), 0) << errors;
+  EXPECT_EQ(read_file(path("out") / "landmarks.annot"), annotations);
+  ASSERT_EQ(run(held, {"--in", in_mm}), 0) << errors;
+  EXPECT_FALSE(fs::exists(path("out") / "landmarks.annot"));
+}
+
 TEST_F(Simulate, LandmarksThatCannotBeFollowedAreRefusedByName) {
+  const std::string annotation =
+      R"(<registry><entry key="Format" value="ITK-SNAP Annotation File"/><folder key="Annotations">
+         <folder key="Element[0]"><entry key="Type" value="LandmarkAnnotation"/>
+         <entry key="Text" value="tip"/><entry key="Pos" value="1 )";
+  const std::string end = R"("/></folder></folder></registry>)";
+  const std::string snap = annotation + "2 3" + end, cut_off = annotation + "2" + end;
   const std::array<const char*, 3> cases[] = {
       {"a.csv", "name,x,y,z\ntip,1,2,530\n", "mm outside of the body"},
       {"a.csv", "name,x,y,z\ntip,1,2\n", "line 2"},
@@ -298,8 +378,11 @@ TEST_F(Simulate, LandmarksThatCannotBeFollowedAreRefusedByName) {
       {"a.csv", "name,x,y,z\nall,1,2,53\n", "the name of a probe"},
       {"a.fcsv", "# CoordinateSystem = XYZ\n", "LPS or RAS"},
       {"a.mrk.json", R"({"markups": [{"controlPoints": [{"label": "tip"}]}]})", "position"},
-      {"a.txt", "tip 1 2 3", ".csv, .fcsv or .mrk.json"},
-      {"a.annot", "<registry/>", "ITK-SNAP"},
+      {"a.txt", "tip 1 2 3", ".csv, .fcsv, .mrk.json or .annot"},
+      {"a.annot", snap.c_str(), "give the image that ITK-SNAP had open"},
+      {"a.annot", cut_off.c_str(), "a coordinate in voxels"},
+      {"a.annot", "<registry/>", "ITK-SNAP Annotation File"},
+      {"a.annot", "<registry><entry></registry>", "ITK-SNAP Annotation File"},
   };
   for (const auto& [name, text, says] : cases) {
     write_atomically(path(name), text);
