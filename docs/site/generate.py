@@ -326,9 +326,11 @@ def write_effects(binary, pages, site):
 PACKAGE = "pipeline/python/viscera"
 # What its users see, in the order in which they meet it, and where it is told of.
 PYTHON = [("labels.py", ["read_labels"]), ("_preparation.pyi", ["Labels", "Surface"]),
-          ("_viscera.pyi", ["TetMesh"]), ("__init__.py", ["Simulation"]), ("torch.py", ["AtRest"]),
-          ("bridges.py", ["mesh_to_vtk", "surface_to_vtk", "simulation_to_vtk", "mesh_to_meshio", "mesh_from_meshio"]),
-          ("programs.py", ["run", "estimate", "Stage", "Failed"]), ("_viscera.pyi", ["Error", "read_mesh"])]
+          ("_viscera.pyi", ["TetMesh"]), ("__init__.py", ["Simulation"]), ("_viscera.pyi", ["DeviceArray"]), ("torch.py", ["AtRest"]),
+          ("bridges.py", ["mesh_to_vtk", "surface_to_vtk", "simulation_to_vtk", "mesh_to_meshio", "mesh_from_meshio",
+                           "VtuSeries", "trajectory_to_vtu"]),
+          ("studies.py", ["study"]),
+          ("programs.py", ["run", "estimate", "measured", "Stage", "Failed"]), ("_viscera.pyi", ["Error", "read_mesh"])]
 
 
 def signature(name, function):

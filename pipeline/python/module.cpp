@@ -8,6 +8,7 @@
 
 #include "pipeline/base/log.hpp"
 #include "pipeline/python/arrays.hpp"
+#include "pipeline/python/device_array.hpp"
 #include "pipeline/python/simulation.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
@@ -107,6 +108,16 @@ class Guarded {
       row(k, 0) = at.x, row(k, 1) = at.y, row(k, 2) = at.z;
     }
     return positions;
+  }
+  // [vertices][3] m and m/s where the device has them; `self` is this as Python's object.
+  py::tuple motion_on_device(const py::object& self) {
+    const auto lock = alone();
+    const sim::DeviceMotion motion =
+        beside_others([this] { return simulation_->motion_on_device(); });
+    const auto array = [&](const void* data) {
+      return DeviceArray{data, motion.vertices, motion.bytes, motion.device, self};
+    };
+    return py::make_tuple(array(motion.u), array(motion.v));
   }
   py::dict diagnose() {
     const auto lock = alone();
@@ -290,6 +301,8 @@ void define_simulation(py::module_& module) {
           }))
       .def("step", &Guarded::step, py::arg("frames") = 1)
       .def("run", &Guarded::run, py::arg("progress") = py::none(), py::arg("until") = py::none())
+      .def("motion_on_device",
+           [](const py::object& self) { return self.cast<Guarded&>().motion_on_device(self); })
       .def("diagnose", &Guarded::diagnose)
       .def("certify", &Guarded::certify)
       .def("set", &Guarded::set)
@@ -318,6 +331,7 @@ PYBIND11_MODULE(_viscera, module) {
   log::set_name("viscera");
   define_error(module);
   define_mesh(module);
+  define_device_array(module);
   define_simulation(module);
   module.attr("__version__") = VISCERA_VERSION;
 }

@@ -104,6 +104,19 @@ std::shared_ptr<const sim::State> Simulation::state() {
   return state_;
 }
 
+sim::DeviceMotion Simulation::motion_on_device() {
+  std::optional<sim::DeviceMotion> motion;
+  translated(run_, [&] { motion = solver_->motion_on_device(); });
+  if (!motion) {
+    throw Error(ExitCode::bad_config, {.where = run_.input("scene").string(),
+                                       .field = "device",
+                                       .found = device() + ": a state in the host's memory",
+                                       .allowed = "cuda",
+                                       .remedy = "take `displacements` and `velocities`"});
+  }
+  return *motion;
+}
+
 sim::Diagnostics Simulation::diagnose() {
   return solver_->diagnose(body(), scene(), *state());
 }

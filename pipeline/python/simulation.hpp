@@ -31,6 +31,9 @@ class Simulation {
   // Of now. Throws Error(diverged) where it is not finite. The object stays as it is when the
   // simulation goes on.
   std::shared_ptr<const sim::State> state();
+  // Of now, without leaving the device; until the simulation goes on. Throws Error(bad_config)
+  // where the solver has its state in the host's memory.
+  sim::DeviceMotion motion_on_device();
   sim::Diagnostics diagnose();
   // [tets], of now. Throws Error(bad_config) where nothing says which stresses there are.
   std::vector<sim::Strained> strained();

@@ -19,6 +19,7 @@ class Ensemble {
   virtual void advance_frame() = 0;
   virtual State state(int member) const = 0;
   virtual State motion(int member) const = 0;
+  virtual std::optional<DeviceMotion> motion_on_device(int) { return std::nullopt; }
   virtual void set_state(int member, const State& state) = 0;
   // As Solver has it.
   virtual void retune(int member, const Model& model, const Scene& scene) = 0;
@@ -46,6 +47,9 @@ class OnlyMember final : public Solver {
   void advance_frame() override { ensemble_->advance_frame(); }
   State state() const override { return ensemble_->state(0); }
   State motion() const override { return ensemble_->motion(0); }
+  std::optional<DeviceMotion> motion_on_device() override {
+    return ensemble_->motion_on_device(0);
+  }
   void set_state(const State& state) override { ensemble_->set_state(0, state); }
   void retune(const Model& model, const Scene& scene) override {
     ensemble_->retune(0, model, scene);
@@ -79,6 +83,9 @@ class Separately final : public Ensemble {
   }
   State state(int member) const override { return members_[member]->state(); }
   State motion(int member) const override { return members_[member]->motion(); }
+  std::optional<DeviceMotion> motion_on_device(int member) override {
+    return members_[member]->motion_on_device();
+  }
   void set_state(int member, const State& state) override { members_[member]->set_state(state); }
   void retune(int member, const Model& model, const Scene& scene) override {
     members_[member]->retune(model, scene);

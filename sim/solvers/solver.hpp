@@ -1,6 +1,8 @@
 // What every solver offers to the frame loop.
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -32,6 +34,15 @@ struct ActingDamping {
   std::vector<int> replicas = {};  // [n] of each vertex, on which it acts; empty: one
 };
 
+// Displacements (m) and velocities (m/s) in a CUDA device's memory, [vertices][3] each.
+struct DeviceMotion {
+  const void* u = nullptr;
+  const void* v = nullptr;
+  std::size_t vertices = 0;
+  int bytes = 0;   // of a number: 4 or 8, floating
+  int device = 0;  // CUDA's number of it
+};
+
 class Solver {
  public:
   virtual ~Solver() = default;
@@ -43,6 +54,9 @@ class Solver {
     State all = state();
     return {std::move(all.u), std::move(all.v), all.step};
   }
+  // The same without leaving the device; none where the solver has none. Of now: it is there until
+  // the solver goes on, not to be written to.
+  virtual std::optional<DeviceMotion> motion_on_device() { return std::nullopt; }
   // Takes a state up where it was left: the same bits follow as without the interruption.
   virtual void set_state(const State& state) = 0;
   // Takes over other materials (E, nu, damping; per label and per tet) and other parameters of the

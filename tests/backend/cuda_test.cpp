@@ -1,6 +1,7 @@
 // The CUDA backend against the CPU. Without a device every test says that it was skipped, and fails
 // instead when VISCERA_REQUIRE_GPU is set, as `make test-gpu` does: a skipped GPU test is not a
 // pass.
+#include <dlfcn.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -487,6 +488,45 @@ TEST_F(Cuda, ABodyWithoutForcesStaysStill) {
     EXPECT_LE(largest, 1e-9);
     EXPECT_EQ(solver->motion().hash(), solver->state().hash());
   }
+}
+
+// [vertices] of device memory, read by the driver alone as another library would.
+template <class T>
+std::vector<Vec3<double>> read_on_device(const void* data, std::size_t vertices) {
+  const auto copy = reinterpret_cast<int (*)(void*, const void*, std::size_t)>(
+      dlsym(dlopen("libcuda.so.1", RTLD_NOW), "cuMemcpyDtoH_v2"));
+  std::vector<Vec3<T>> numbers(vertices);
+  EXPECT_EQ(copy(numbers.data(), data, vertices * sizeof(Vec3<T>)), 0);
+  return cast_all<double>(numbers);
+}
+
+TEST_F(Cuda, MotionIsThereForOtherLibrariesInTheDevicesOwnMemory) {
+  const Model model = make_cube(4);
+  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
+    const auto ensemble =
+        make_ensemble_on_cuda(model, drop_scene(), {.scheme = scheme, .block_tets = 50}, 2,
+                              [](int member, Model&, Scene& scene) {
+                                scene.params<Gravity>()[0].acceleration *= 1.0 + member;
+                              });
+    for (int frame = 0; frame < 5; ++frame) {
+      ensemble->advance_frame();
+      for (int member = 0; member < 2; ++member) {
+        const auto there = ensemble->motion_on_device(member);
+        ASSERT_TRUE(there);
+        ASSERT_EQ(there->vertices, model.rest.size());
+        ASSERT_EQ(there->bytes, 4);
+        const State motion = ensemble->motion(member);
+        EXPECT_EQ(read_on_device<float>(there->u, there->vertices), motion.u);
+        EXPECT_EQ(read_on_device<float>(there->v, there->vertices), motion.v);
+      }
+    }
+  }
+  const auto exact = make_on_cuda(model, drop_scene(), {.precision = Precision::fp64});
+  exact->advance_frame();
+  const auto there = exact->motion_on_device();
+  ASSERT_EQ(there->bytes, 8);
+  EXPECT_EQ(read_on_device<double>(there->u, there->vertices), exact->state().u);
+  EXPECT_FALSE(make_on_cpu(model, drop_scene(), {})->motion_on_device());
 }
 
 // The mesh and scene of the bundle (VISCERA_GPU_MESH, VISCERA_GPU_SCENE): a second on both devices.

@@ -54,3 +54,19 @@ def test_an_estimate_says_what_a_run_would_take_and_writes_nothing(tmp_path):
     assert not (tmp_path / "out").exists()
     with pytest.raises(programs.Failed, match="cell_size"):
         viscera.estimate("configs/demo.yaml", {"tetmesh.cell_size": "-1 mm"}, out=tmp_path / "out")
+
+
+def test_measured_bodies_are_rows_beside_their_page(tmp_path, monkeypatch):
+    program = tmp_path / "measured"
+    program.write_text("""#!/bin/sh
+[ "$2" = there ] || { echo "$2: no measurements" >&2; exit 4; }
+mkdir -p "$1"
+printf 'body,state,solver,error\\nTruth Cube,5%% strain,xpbd (default),0.328\\n' > "$1/measured.csv"
+""")
+    program.chmod(0o755)
+    monkeypatch.setenv("VISCERA_BIN", str(tmp_path))
+    rows = viscera.measured("there", out=tmp_path / "page")
+    assert rows == [{"body": "Truth Cube", "state": "5% strain", "solver": "xpbd (default)", "error": 0.328}]
+    with pytest.raises(programs.Failed, match="elsewhere: no measurements") as failed:
+        viscera.measured("elsewhere", out=tmp_path / "page")
+    assert failed.value.exit_code == 4

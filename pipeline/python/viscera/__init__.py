@@ -26,13 +26,14 @@ from numpy.typing import ArrayLike
 from . import _viscera, bridges
 from ._viscera import Error, TetMesh, __version__, read_mesh
 from .bridges import mesh_from_meshio
-from .programs import estimate, run
+from .programs import estimate, measured, run
 
 if TYPE_CHECKING:
     from .labels import Labels, Surface, read_labels
+    from .studies import study
 
-__all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "estimate", "mesh_from_meshio",
-           "read_labels", "read_mesh", "run"]
+__all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "estimate", "measured",
+           "mesh_from_meshio", "read_labels", "read_mesh", "run", "study"]
 
 
 # s, as of a scene.
@@ -45,6 +46,10 @@ def __getattr__(name: str) -> Any:
         from . import labels
 
         return getattr(labels, name)
+    if name == "study":  # made of simulations, which are made below
+        from . import studies
+
+        return studies.study
     raise AttributeError(f"module 'viscera' has no attribute '{name}'")
 
 
@@ -62,6 +67,9 @@ class Simulation(_viscera.Simulation):
         they stay as they are when the simulation goes on. positions: [n, 3], LPS mm.
     stress: [tets, 3, 3] Cauchy stress of now without viscosity, Pa. forces: [n, 3] what materials,
         springs, pressures and loads do to each vertex now, N, without what depends on velocities.
+    motion_on_device(): displacements and velocities on a CUDA device, [n, 3] m and m/s, where the solver has them: each a
+        DeviceArray for torch.from_dlpack, cupy.from_dlpack or warp.array, of float32 unless precision="fp64". They are
+        those of now, until the simulation goes on.
     mesh: as given. time: s. frame: how many are done. frame_time: s. substeps: of a frame, as the scene's policy has
         raised them. device, scheme: what it runs on, and how. state_hash: as in metrics.csv.
     """

@@ -1,6 +1,8 @@
 """Meshes and simulations as the objects of other libraries, which need only be there when they are asked for."""
 
 import importlib
+import os
+import pathlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -68,6 +70,69 @@ def simulation_to_vtk(simulation: "Simulation") -> Any:
     grid = _grid(simulation.mesh, simulation.positions)
     _add(grid.GetPointData(), {"displacement": simulation.displacements, "velocity": simulation.velocities})
     return grid
+
+
+class VtuSeries:
+    """A body over time as a .vtu file a frame, and beside them NAME.pvd, which opens all of them in ParaView and PyVista.
+
+        series = viscera.bridges.VtuSeries("falling.pvd")
+        while simulation.time < 1.0:
+            simulation.step()
+            series.add(simulation)
+
+    The frames' files stand in the folder NAME and replace those of an earlier series. The .pvd file names those that are
+    there whenever it is read. For a run that has ended see trajectory_to_vtu.
+    """
+
+    def __init__(self, file: str | os.PathLike[str]) -> None:
+        self.file = pathlib.Path(file)
+        if self.file.suffix != ".pvd":
+            raise ValueError(f"file: {self.file}, allowed: a name that ends in .pvd")
+        self.folder = self.file.with_suffix("")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for old in self.folder.glob("*.vtu"):
+            old.unlink()
+        self._frames: list[str] = []
+        self._write_names()
+
+    def add(self, simulation: "Simulation") -> None:
+        """The body as it is now, as to_vtk() gives it."""
+        self.add_grid(simulation_to_vtk(simulation), simulation.time)
+
+    def add_grid(self, grid: Any, time: float) -> None:
+        """Any vtkUnstructuredGrid of the time, s."""
+        name = f"{len(self._frames):05d}.vtu"
+        writer = importlib.import_module("vtkmodules.vtkIOXML").vtkXMLUnstructuredGridWriter()
+        writer.SetFileName(os.fspath(self.folder / name))
+        writer.SetInputData(grid)
+        if not writer.Write():
+            raise OSError(f"{self.folder / name}: cannot be written")
+        self._frames.append(f'<DataSet timestep="{time!r}" file="{self.folder.name}/{name}"/>')
+        self._write_names()
+
+    def _write_names(self) -> None:
+        rows = "".join(f"    {frame}\n" for frame in self._frames)
+        whole = self.file.with_suffix(".pvd.part")
+        whole.write_text(f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n{rows}'
+                         "  </Collection>\n</VTKFile>\n", encoding="utf-8")
+        whole.replace(self.file)
+
+
+def trajectory_to_vtu(run: str | os.PathLike[str], file: str | os.PathLike[str]) -> int:
+    """The frames of a run that has ended as a VtuSeries: how many there are.
+
+    run: the folder of `viscera-simulate`, with its trajectory.h5. Points are LPS mm; they have their displacement from
+    rest, mm, and tets their label. Needs h5py and VTK's Python.
+    """
+    series = VtuSeries(file)
+    with importlib.import_module("h5py").File(pathlib.Path(run) / "trajectory.h5") as trajectory:
+        rest, tets, labels = (trajectory[name][:] for name in ("points", "tets", "labels"))
+        mesh = TetMesh(rest, tets, labels)
+        for time, positions in zip(trajectory["times"][:], trajectory["positions"], strict=True):
+            grid = _grid(mesh, positions.astype(np.float64))
+            _add(grid.GetPointData(), {"displacement": positions - rest})
+            series.add_grid(grid, float(time))
+        return len(trajectory["times"])
 
 
 def mesh_to_meshio(mesh: TetMesh) -> Any:

@@ -36,13 +36,17 @@ class Stage:
 
         pandas.DataFrame(stages["simulate"].table("metrics.csv"))
         """
-        with open(self.folder / file, newline="") as text:
-            rows = list(csv.DictReader(text))
-        columns = {name: _numbers([row[name] for row in rows]) for name in (rows[0] if rows else ())}
-        return [{name: column[k] for name, column in columns.items()} for k in range(len(rows))]
+        return _table(self.folder / file)
 
     def __repr__(self) -> str:
         return f"<stage in {self.folder}: {len(self.gates)} gates, {'passed' if self.passed else 'FAILED'}>"
+
+
+def _table(file: pathlib.Path) -> list[dict[str, Union[str, float, None]]]:
+    with open(file, newline="") as text:
+        rows = list(csv.DictReader(text))
+    columns = {name: _numbers([row[name] for row in rows]) for name in (rows[0] if rows else ())}
+    return [{name: column[k] for name, column in columns.items()} for k in range(len(rows))]
 
 
 def _numbers(column: list[str]) -> Sequence[Union[str, float, None]]:
@@ -124,6 +128,20 @@ def estimate(spec: Path, values: Optional[Mapping[str, object]] = None, *, out: 
         raise Failed(done.stderr.strip(), done.returncode)
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer
+
+
+def measured(data: Path, out: Path = "out/measured") -> list[dict[str, Union[str, float, None]]]:
+    """What is computed of bodies that someone has measured, held against that: the program of `make measured`.
+
+    data: the folder of the measurements; bodies whose files are not there are skipped. out: the folder that gets the page
+    measured.md with its pictures. Takes minutes. Returns measured.csv: a row for each body, state and solver, with error,
+    the error that was allowed before, and the measurement's own uncertainty. Raises Failed where data cannot be read.
+    """
+    done = subprocess.run([program("measured"), os.fspath(out), os.fspath(data)], stdout=subprocess.DEVNULL,
+                          stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode != 0:
+        raise Failed(done.stderr.strip(), done.returncode)
+    return _table(pathlib.Path(out) / "measured.csv")
 
 
 def _words(command: str, spec: Path, values: Optional[Mapping[str, object]], out: Path,

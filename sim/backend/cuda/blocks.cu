@@ -44,6 +44,18 @@ struct Own<Effect, T, EffectKind::element> : DeviceElements<Effect, T> {
 // Substeps of one launch, which nothing can interrupt: a few milliseconds.
 constexpr int longest_launch = 1024;
 
+constexpr int gather_threads = 256;
+
+// u and v by vertex of those by local vertex, `first` of each vertex.
+template <class T>
+__global__ void gather_motion(int count, const int* first, const Vec3<T>* u, const Vec3<T>* v,
+                              Vec3<T>* u_by_vertex, Vec3<T>* v_by_vertex) {
+  const int vertex = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (vertex >= count) return;
+  u_by_vertex[vertex] = u[first[vertex]];
+  v_by_vertex[vertex] = v[first[vertex]];
+}
+
 template <class T>
 class CudaBlocks final : public Ensemble {
  public:
@@ -101,6 +113,28 @@ class CudaBlocks final : public Ensemble {
     return {cast_all<double>(gathered(u_.download(first, locals))),
             cast_all<double>(gathered(v_.download(first, locals))),
             step_ + ahead_.download(member, 1)[0]};
+  }
+  std::optional<DeviceMotion> motion_on_device(int member) override {
+    const auto count = static_cast<std::size_t>(vertex_count());
+    if (count > 0 && first_local_.size() == 0) {
+      std::vector<int> first;
+      for (int v = 0; v < vertex_count(); ++v) first.push_back(layout_.locals_of(v)[0]);
+      first_local_ = DeviceArray<int>(first);
+      u_by_vertex_ = DeviceArray<Vec3<T>>(count);
+      v_by_vertex_ = DeviceArray<Vec3<T>>(count);
+    }
+    const std::size_t begin = static_cast<std::size_t>(member) * local_count();
+    const int blocks = (vertex_count() + gather_threads - 1) / gather_threads;
+    gather_motion<<<blocks, gather_threads, 0, stream_>>>(vertex_count(), first_local_.get(),
+                                                          u_.get() + begin, v_.get() + begin,
+                                                          u_by_vertex_.get(), v_by_vertex_.get());
+    check(cudaGetLastError(), "gathering vertices");
+    stream_.finish("gathering vertices");
+    return DeviceMotion{.u = u_by_vertex_.get(),
+                        .v = v_by_vertex_.get(),
+                        .vertices = count,
+                        .bytes = sizeof(T),
+                        .device = current_device()};
   }
   State state(int member) const override {
     const std::size_t locals = local_count(), first = member * locals;
@@ -568,6 +602,9 @@ class CudaBlocks final : public Ensemble {
   Members chosen_;     // for launches
   DeviceArray<unsigned char> runs_;
   std::optional<CudaBlockBound<T>> bound_;
+  // For those who look at the motion on the device: empty until somebody does.
+  DeviceArray<int> first_local_;  // [vertices]
+  DeviceArray<Vec3<T>> u_by_vertex_, v_by_vertex_;
   // At the start of the frame.
   DeviceArray<Vec3<T>> u_before_, v_before_, duals_before_;
   DeviceArray<Added<T>> added_before_;

@@ -42,6 +42,13 @@ class CudaSolver final : public Solver {
   State motion() const override {
     return {cast_all<double>(u_.download()), cast_all<double>(v_.download()), done_.download()[0]};
   }
+  std::optional<DeviceMotion> motion_on_device() override {
+    return DeviceMotion{.u = u_.get(),
+                        .v = v_.get(),
+                        .vertices = static_cast<std::size_t>(n_),
+                        .bytes = sizeof(T),
+                        .device = current_device()};
+  }
   State state() const override {
     State state = motion();
     save_history(effects_, state);

@@ -20,6 +20,12 @@ inline void check(cudaError_t status, const char* doing) {
                 "use device: cpu, or mend the driver");
 }
 
+inline int current_device() {
+  int device = 0;
+  check(cudaGetDevice(&device), "asking for the device");
+  return device;
+}
+
 // A solver's own order of things: solvers of several threads do not wait for one another.
 class Stream {
  public:
