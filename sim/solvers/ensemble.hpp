@@ -47,9 +47,7 @@ class OnlyMember final : public Solver {
   void advance_frame() override { ensemble_->advance_frame(); }
   State state() const override { return ensemble_->state(0); }
   State motion() const override { return ensemble_->motion(0); }
-  std::optional<DeviceMotion> motion_on_device() override {
-    return ensemble_->motion_on_device(0);
-  }
+  std::optional<DeviceMotion> motion_on_device() override { return ensemble_->motion_on_device(0); }
   void set_state(const State& state) override { ensemble_->set_state(0, state); }
   void retune(const Model& model, const Scene& scene) override {
     ensemble_->retune(0, model, scene);
