@@ -109,30 +109,15 @@ class CudaBlocks final : public Ensemble {
   }
 
   State motion(int member) const override {
-    const std::size_t locals = local_count(), first = member * locals;
-    return {cast_all<double>(gathered(u_.download(first, locals))),
-            cast_all<double>(gathered(v_.download(first, locals))),
+    gather_vertices(member);
+    return {cast_all<double>(u_by_vertex_.download()), cast_all<double>(v_by_vertex_.download()),
             step_ + ahead_.download(member, 1)[0]};
   }
   std::optional<DeviceMotion> motion_on_device(int member) override {
-    const auto count = static_cast<std::size_t>(vertex_count());
-    if (count > 0 && first_local_.size() == 0) {
-      std::vector<int> first;
-      for (int v = 0; v < vertex_count(); ++v) first.push_back(layout_.locals_of(v)[0]);
-      first_local_ = DeviceArray<int>(first);
-      u_by_vertex_ = DeviceArray<Vec3<T>>(count);
-      v_by_vertex_ = DeviceArray<Vec3<T>>(count);
-    }
-    const std::size_t begin = static_cast<std::size_t>(member) * local_count();
-    const int blocks = (vertex_count() + gather_threads - 1) / gather_threads;
-    gather_motion<<<blocks, gather_threads, 0, stream_>>>(vertex_count(), first_local_.get(),
-                                                          u_.get() + begin, v_.get() + begin,
-                                                          u_by_vertex_.get(), v_by_vertex_.get());
-    check(cudaGetLastError(), "gathering vertices");
-    stream_.finish("gathering vertices");
+    gather_vertices(member);
     return DeviceMotion{.u = u_by_vertex_.get(),
                         .v = v_by_vertex_.get(),
-                        .vertices = count,
+                        .vertices = u_by_vertex_.size(),
                         .bytes = sizeof(T),
                         .device = current_device()};
   }
@@ -267,13 +252,18 @@ class CudaBlocks final : public Ensemble {
                          2 * history_of<Effect> * sizeof(T));
     });
     shared += CudaBlockBound<T>::bytes(bounded, vertex_count(), locals);
+    shared += static_cast<std::size_t>(vertex_count()) * (sizeof(int) + 2 * sizeof(Vec3<T>));
     return shared + members_ * own;
   }
 
   void place_vertices() {
     const LocalConstants<T> constants = layout_.constants(program_);
     std::vector<int> local_begin = {0}, replica_begin, replicated, shared_end, gather_begin = {0},
-                     gather;
+                     gather, first_local;
+    for (int v = 0; v < vertex_count(); ++v) first_local.push_back(layout_.locals_of(v)[0]);
+    first_local_ = DeviceArray<int>(first_local);
+    u_by_vertex_ = DeviceArray<Vec3<T>>(first_local.size());
+    v_by_vertex_ = DeviceArray<Vec3<T>>(first_local.size());
     for (const LocalVertex& local : layout_.locals()) {
       const auto& all = layout_.locals_of(local.vertex);
       if (all.size() > 1) gather.insert(gather.end(), all.begin(), all.end());
@@ -552,6 +542,17 @@ class CudaBlocks final : public Ensemble {
                   "use a smaller block_tets, a coarser mesh or scheme: gauss_seidel");
   }
 
+  // u and v of a member by vertex, on the device.
+  void gather_vertices(int member) const {
+    const std::size_t begin = static_cast<std::size_t>(member) * local_count();
+    const int blocks = (vertex_count() + gather_threads - 1) / gather_threads;
+    gather_motion<<<blocks, gather_threads, 0, stream_>>>(vertex_count(), first_local_.get(),
+                                                          u_.get() + begin, v_.get() + begin,
+                                                          u_by_vertex_.get(), v_by_vertex_.get());
+    check(cudaGetLastError(), "gathering vertices");
+    stream_.finish("gathering vertices");
+  }
+
   // By local vertex to by vertex, and back.
   template <class Item>
   std::vector<Item> gathered(const std::vector<Item>& locals) const {
@@ -602,9 +603,8 @@ class CudaBlocks final : public Ensemble {
   Members chosen_;     // for launches
   DeviceArray<unsigned char> runs_;
   std::optional<CudaBlockBound<T>> bound_;
-  // For those who look at the motion on the device: empty until somebody does.
-  DeviceArray<int> first_local_;  // [vertices]
-  DeviceArray<Vec3<T>> u_by_vertex_, v_by_vertex_;
+  DeviceArray<int> first_local_;                    // [vertices]
+  DeviceArray<Vec3<T>> u_by_vertex_, v_by_vertex_;  // of a member, when it was looked at
   // At the start of the frame.
   DeviceArray<Vec3<T>> u_before_, v_before_, duals_before_;
   DeviceArray<Added<T>> added_before_;
