@@ -30,7 +30,7 @@ Simulation::Simulation(const NamedMesh& mesh, const std::filesystem::path& scene
 void Simulation::prepare() {
   sim::Model& model = setup_.model;
   sim::Scene& scene = setup_.file.scene;
-  probes_ = read_probes(run_, model);
+  probes_ = read_probes(run_, model, landmarks_frame(run_));
   gaps_ = read_gaps(run_, model, scene);
   schedule_.emplace(setup_.file);
   options_ = solver_choice(run_, model, scene).options;

@@ -67,40 +67,40 @@ std::span<const StateColumn> state_columns() {
 std::vector<FrameColumn> frame_columns(const sim::Model& model, std::span<const sim::Probe> probes,
                                        std::span<const sim::GapProbe> gaps,
                                        const std::vector<std::string>& exerting) {
-  using Frame = const ComputedFrame&;
+  using Computed = const ComputedFrame&;
   using Value = std::optional<FrameValue>;
   Columns columns;
-  columns.add("frame", 0, [](Frame f) -> Value { return std::int64_t{f.index}; });
-  columns.add("time_s", 9, [](Frame f) -> Value { return f.time_s; });
+  columns.add("frame", 0, [](Computed f) -> Value { return std::int64_t{f.index}; });
+  columns.add("time_s", 9, [](Computed f) -> Value { return f.time_s; });
   for (const StateColumn& column : of_a_state) {
     columns.add(column.name, column.digits,
-                [value = column.value](Frame f) -> Value { return value(f.now); });
+                [value = column.value](Computed f) -> Value { return value(f.now); });
   }
   columns.add("contacts", 0,
-              [](Frame f) -> Value { return static_cast<std::int64_t>(f.contacts); });
+              [](Computed f) -> Value { return static_cast<std::int64_t>(f.contacts); });
   columns.add("state_hash", 0,
-              [](Frame f) -> Value { return fmt::format("{:016x}", f.state_hash); });
+              [](Computed f) -> Value { return fmt::format("{:016x}", f.state_hash); });
   using Point = std::optional<sim::Vec3<double>>;
   for (std::size_t k = 0; k < exerting.size(); ++k) {
-    columns.add_point("force_" + exerting[k], "N", 6, [k](Frame f) -> Point {
+    columns.add_point("force_" + exerting[k], "N", 6, [k](Computed f) -> Point {
       return f.forces.empty() ? Point() : f.forces[k].force;
     });
-    columns.add_point("moment_" + exerting[k], "N_m", 6, [k](Frame f) -> Point {
+    columns.add_point("moment_" + exerting[k], "N_m", 6, [k](Computed f) -> Point {
       return f.forces.empty() ? Point() : f.forces[k].moment;
     });
   }
   if (!exerting.empty()) {
     columns.add("force_handed_on_N", 6,
-                [](Frame f) -> Value { return f.forces.empty() ? Value() : f.handed_on; });
+                [](Computed f) -> Value { return f.forces.empty() ? Value() : f.handed_on; });
   }
   for (std::size_t k = 0; k < probes.size(); ++k) {
-    columns.add_point("probe_" + probes[k].name, "mm", 9, [&model, probes, k](Frame f) -> Point {
+    columns.add_point("probe_" + probes[k].name, "mm", 9, [&model, probes, k](Computed f) -> Point {
       return place_mm(model, probes[k], f.probes[k]);
     });
   }
   for (std::size_t k = 0; k < gaps.size(); ++k) {
     columns.add(fmt::format("gap_{}_mm", gaps[k].name), 9,
-                [k](Frame f) -> Value { return m_to_mm * f.gaps[k]; });
+                [k](Computed f) -> Value { return m_to_mm * f.gaps[k]; });
   }
   return std::move(columns.all);
 }

@@ -85,23 +85,19 @@ Place to_voxels(const Frame& frame, const Place& lps) {
   return voxels;
 }
 
-Frame image_of_landmarks(const StageRun& run) {
-  if (!run.has_input("landmarks_image")) {
-    throw Error(ExitCode::bad_input,
-                {.where = run.input("landmarks").string(),
-                 .found = "places in voxels of an image that the file does not name",
-                 .remedy = "give the image that ITK-SNAP had open as the input landmarks_image"});
-  }
-  return read_scalar_image(run.input("landmarks_image")).frame;
-}
-
 // Follows those of `probes`, whose names they must not have.
-void add_landmarks(const StageRun& run, const sim::Model& model, std::vector<sim::Probe>& probes) {
+void add_landmarks(const StageRun& run, const sim::Model& model, const std::optional<Frame>& image,
+                   std::vector<sim::Probe>& probes) {
   const std::filesystem::path file = run.input("landmarks");
   Landmarks landmarks = read_landmarks(file);
   if (landmarks.in_voxels) {
-    const Frame frame = image_of_landmarks(run);
-    for (Landmark& landmark : landmarks.all) landmark.place = from_voxels(frame, landmark.place);
+    if (!image) {
+      throw Error(ExitCode::bad_input,
+                  {.where = file.string(),
+                   .found = "places in voxels of an image that the file does not name",
+                   .remedy = "give the image that ITK-SNAP had open as the input landmarks_image"});
+    }
+    for (Landmark& landmark : landmarks.all) landmark.place = from_voxels(*image, landmark.place);
   }
   if (landmarks.were_ras) {
     log::info("{} landmarks are in RAS: taken to LPS", landmarks.all.size());
@@ -152,7 +148,13 @@ void check_probes(const StageRun& run) {
   read_requests(run);
 }
 
-std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model) {
+std::optional<Frame> landmarks_frame(const StageRun& run) {
+  if (!run.has_input("landmarks_image")) return std::nullopt;
+  return read_scalar_image(run.input("landmarks_image")).frame;
+}
+
+std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model,
+                                    const std::optional<Frame>& image) {
   std::vector<sim::Probe> probes;
   for (const ProbeRequest& asked : read_requests(run)) {
     if (!asked.beyond.empty()) continue;
@@ -166,7 +168,7 @@ std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model
       probes.push_back(sim::probe_of_centroid(model, asked.name, material));
     }
   }
-  if (run.has_input("landmarks")) add_landmarks(run, model, probes);
+  if (run.has_input("landmarks")) add_landmarks(run, model, image, probes);
   return probes;
 }
 
@@ -199,8 +201,8 @@ sim::Vec3<double> place_mm(const sim::Model& model, const sim::Probe& probe,
 }
 
 void write_landmarks(const StageRun& run, const sim::Model& model,
-                     const std::vector<sim::Probe>& probes,
-                     const std::vector<sim::Vec3<double>>& u) {
+                     const std::vector<sim::Probe>& probes, const std::vector<sim::Vec3<double>>& u,
+                     const std::optional<Frame>& image) {
   if (!run.has_input("landmarks")) return;
   std::vector<Landmark> at_end;
   for (std::size_t k = 0; k < probes.size(); ++k) {
@@ -210,9 +212,8 @@ void write_landmarks(const StageRun& run, const sim::Model& model,
   }
   write_atomically(run.out("landmarks.csv"), landmarks_as_table(at_end));
   write_atomically(run.out("landmarks.mrk.json"), landmarks_as_markups(at_end));
-  if (!run.has_input("landmarks_image")) return;
-  const Frame frame = image_of_landmarks(run);
-  for (Landmark& landmark : at_end) landmark.place = to_voxels(frame, landmark.place);
+  if (!image) return;
+  for (Landmark& landmark : at_end) landmark.place = to_voxels(*image, landmark.place);
   write_atomically(run.out("landmarks.annot"), landmarks_as_annotations(at_end));
 }
 

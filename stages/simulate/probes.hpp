@@ -2,10 +2,12 @@
 // landmarks of its input of that role (stages/mesh/landmark_io.hpp).
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "sim/measures/gap.hpp"
 #include "sim/model/probe.hpp"
+#include "stages/image/label_image.hpp"
 #include "stages/program/stage_main.hpp"
 
 namespace viscera {
@@ -17,9 +19,14 @@ Param probes_param();
 // Throws Error(bad_config) for what names no probe, whatever the body.
 void check_probes(const StageRun& run);
 
+// Of the image in whose voxels ITK-SNAP tells places, where the run has one. Throws
+// Error(bad_input) for one that cannot be read.
+std::optional<Frame> landmarks_frame(const StageRun& run);
+
 // The probes of a body, then the landmarks. Throws Error(bad_config) for a label that it does not
 // have, sim::Refusal for a point outside of it, and Error(bad_input) for a landmark outside.
-std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model);
+std::vector<sim::Probe> read_probes(const StageRun& run, const sim::Model& model,
+                                    const std::optional<Frame>& image);
 
 // Those of gaps. Throws Error(bad_config) for a label that the body does not have and for an
 // obstacle that is not in the scene.
@@ -30,10 +37,10 @@ std::vector<sim::GapProbe> read_gaps(const StageRun& run, const sim::Model& mode
 sim::Vec3<double> place_mm(const sim::Model& model, const sim::Probe& probe,
                            const sim::Vec3<double>& u);
 
-// Where the landmarks, the last of `probes`, are at the end: landmarks.csv and landmarks.mrk.json.
-// [probes] u is how far each has moved. Nothing without landmarks.
+// Where the landmarks, the last of `probes`, are at the end: landmarks.csv and landmarks.mrk.json,
+// with an image landmarks.annot. [probes] u is how far each has moved. Nothing without landmarks.
 void write_landmarks(const StageRun& run, const sim::Model& model,
-                     const std::vector<sim::Probe>& probes,
-                     const std::vector<sim::Vec3<double>>& u);
+                     const std::vector<sim::Probe>& probes, const std::vector<sim::Vec3<double>>& u,
+                     const std::optional<Frame>& image);
 
 }  // namespace viscera

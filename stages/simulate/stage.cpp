@@ -247,7 +247,8 @@ void write_formats(StageRun& run, const SceneFile& file, const TetMesh& mesh,
 
 void simulate(StageRun& run) {
   auto [file, mesh, model] = set_up(run);
-  const std::vector<sim::Probe> probes = read_probes(run, model);
+  const std::optional<Frame> landmarks_in = landmarks_frame(run);
+  const std::vector<sim::Probe> probes = read_probes(run, model, landmarks_in);
   const std::vector<sim::GapProbe> gaps = read_gaps(run, model, file.scene);
   check_adapt(run, model, probes, gaps);
   const Schedule schedule(file);
@@ -325,7 +326,7 @@ void simulate(StageRun& run) {
   report_outcome(run, model, file, schedule, outcome);
   report_probes(run, model, probes, outcome);
   report_gaps(run, gaps, outcome);
-  write_landmarks(run, model, probes, outcome.frames.back().probes);
+  write_landmarks(run, model, probes, outcome.frames.back().probes, landmarks_in);
   if (run.param<bool>("stress")) {
     write_stress(run, mesh, model, file.scene, outcome.last,
                  element == sim::Element::quadratic ? 2 : 1);

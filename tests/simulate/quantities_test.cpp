@@ -360,6 +360,12 @@ TEST_F(Simulate, LandmarksOfItkSnapComeInAndOutInTheVoxelsOfTheirImage) {
   EXPECT_EQ(read_file(path("out") / "landmarks.annot"), annotations);
   ASSERT_EQ(run(held, {"--in", in_mm}), 0) << errors;
   EXPECT_FALSE(fs::exists(path("out") / "landmarks.annot"));
+  // An image that cannot be read is refused before the run, also where nothing is told in its
+  // voxels.
+  write_atomically(path("ct.nrrd"), "no image");
+  fs::remove_all(path("out"));
+  EXPECT_EQ(run(held, {"--in", in_mm, "--in", image}), 4);
+  EXPECT_FALSE(fs::exists(path("out") / "trajectory.h5")) << "it ran";
 }
 
 TEST_F(Simulate, LandmarksThatCannotBeFollowedAreRefusedByName) {
