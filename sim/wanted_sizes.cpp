@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "sim/solvers/fem/stress_field.hpp"
+#include "sim/stress/stress_field.hpp"
 
 namespace viscera::sim {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "pipeline/python/named_mesh.hpp"
 #include "sim/error_bar.hpp"
-#include "sim/solvers/fem/stress_field.hpp"
+#include "sim/stress/stress_field.hpp"
 #include "stages/simulate/explicit_watch.hpp"
 #include "stages/simulate/frame_columns.hpp"
 #include "stages/simulate/frame_loop.hpp"

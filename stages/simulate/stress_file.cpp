@@ -9,7 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
 #include "sim/base/von_mises.hpp"
-#include "sim/solvers/fem/stress_field.hpp"
+#include "sim/stress/stress_field.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/trajectory/cell_series.hpp"

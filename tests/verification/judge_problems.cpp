@@ -19,7 +19,7 @@
 #include "pipeline/base/atomic_file.hpp"
 #include "sim/measures/reactions.hpp"
 #include "sim/solvers/fem/mesh.hpp"
-#include "sim/solvers/fem/stress_field.hpp"
+#include "sim/stress/stress_field.hpp"
 #include "tests/common/calculix.hpp"
 #include "tests/common/needs.hpp"
 #include "tests/verification/problems.hpp"

@@ -15,11 +15,9 @@ const std::vector<KnownMiss> known_misses = {
     // A vertex rebounds from where the substep of its impact began, on the average half a substep
     // too high: how much is by chance (.036 with the time step of first order).
     {"vertices that fall 10 cm, e 0.5", "xpbd gauss_seidel", "", 1.08},
-    // The strain of linear displacements is of first order at the surface, whatever is fitted.
+    // Linear tets are too stiff in bending, and their strains are too small for that.
     {"stress at the vertices of a bar of 3,600 tets against CalculiX's quadratic tets",
-     "fem, smoothed elements", "fp64", 3.43},
-    {"stress at the vertices of a bar of 3,600 tets against CalculiX's quadratic tets",
-     "fem, linear tets", "fp64", 4.05},
+     "fem, linear tets", "fp64", 2.32},
     // Blocks need more substeps than colours to rest where a stiff, slender body does: this is 1.5
     // on a CPU and 1.6 on a device; at 128 they are within the bound.
     {"bar of 3,600 tets, 64 substeps", "xpbd block_gauss_seidel", "fp64", 1.7},

@@ -2,36 +2,26 @@
 //
 // Both are best known where an element has its points of quadrature: a linear tet at its centroid,
 // a smoothed element at that of its tets, a quadratic tet at four points. A tet has the mean of
-// those in it, by volume. At a vertex stands the value of a linear function that is fitted to the
-// points around it by least squares (superconvergent patch recovery: Zienkiewicz and Zhu, "The
-// superconvergent patch recovery and a posteriori error estimates. Part 1", Int. J. Numer. Methods
-// Eng. 33, 1992). Of linear and smoothed elements that is so for the mean stress and J alone: at
-// the surface their strains are better those of a quadratic function that is fitted to the
-// displacements around (polynomial preserving recovery: Zhang and Naga, SIAM J. Sci. Comput. 26,
-// 2005), whose change of volume, though, would be multiplied by the bulk modulus. No patch mixes
+// those in it, by volume. At a vertex of quadratic tets stands the value of a linear function that
+// is fitted to the points around it by least squares (superconvergent patch recovery: Zienkiewicz
+// and Zhu, "The superconvergent patch recovery and a posteriori error estimates. Part 1", Int. J.
+// Numer. Methods Eng. 33, 1992). Linear and smoothed elements have the mean stress and J from that
+// alone: their strains are better those of a polynomial that is fitted to the displacements around
+// (polynomial preserving recovery: Zhang and Naga, SIAM J. Sci. Comput. 26, 2005), whose change of
+// volume, though, would be multiplied by the bulk modulus. At the surface, to which no patch
+// reaches from both sides, they are made to fit what acts on it (traction.hpp). No patch mixes
 // materials, for stress jumps from one to the other: a vertex that materials share has a value in
 // each.
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include "sim/model/model.hpp"
 #include "sim/model/state.hpp"
 #include "sim/scene/scene.hpp"
+#include "sim/stress/strained.hpp"
 
 namespace viscera::sim {
-
-using Tensor6 = std::array<double, 6>;  // xx, yy, zz, xy, yz, xz, as VTK has them
-
-Mat3<double> full(const Tensor6& tensor);
-std::array<double, 3> principal_values(const Tensor6& tensor);  // the largest first
-
-struct Strained {
-  Tensor6 cauchy{};           // Pa, without viscosity
-  Tensor6 green{};            // (F^T F - I) / 2
-  double volume_ratio = 0.0;  // det F
-};
 
 struct StressField {
   std::vector<Strained> tets;  // [m]
