@@ -329,7 +329,7 @@ PYTHON = [("labels.py", ["read_labels"]), ("_preparation.pyi", ["Labels", "Surfa
           ("_viscera.pyi", ["TetMesh"]), ("__init__.py", ["Simulation"]), ("_viscera.pyi", ["DeviceArray"]), ("torch.py", ["AtRest"]),
           ("bridges.py", ["mesh_to_vtk", "surface_to_vtk", "simulation_to_vtk", "mesh_to_meshio", "mesh_from_meshio",
                            "VtuSeries", "trajectory_to_vtu"]),
-          ("studies.py", ["study"]),
+          ("studies.py", ["study"]), ("reports.py", ["report", "Report"]),
           ("programs.py", ["run", "estimate", "measured", "Stage", "Failed"]), ("_viscera.pyi", ["Error", "read_mesh"])]
 
 

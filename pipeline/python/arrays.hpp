@@ -114,22 +114,27 @@ auto beside_others(Work&& work) {
 // others, too.
 void look_for_signals();
 
-// What a class with `said` (named_mesh.hpp) says of itself.
-template <class Class>
-void define_said(Class& defined) {
+// What was said of what a class holds (named_mesh.hpp): said_of(object), or its `said`.
+template <class Class, class SaidOf>
+void define_said(Class& defined, SaidOf said_of) {
   using Type = typename Class::type;
   defined
       .def_property_readonly(
-          "gates", [](const Type& self) { return object_of(self.said.gates); },
+          "gates", [said_of](const Type& self) { return object_of(said_of(self).gates); },
           "What was judged: a dict each with name, value, comparison, limit, unit, passed, and "
           "where "
           "it failed meaning, remedy and places.")
       .def_property_readonly(
-          "metrics", [](const Type& self) { return object_of(self.said.metrics); },
+          "metrics", [said_of](const Type& self) { return object_of(said_of(self).metrics); },
           "What was measured, by name.")
       .def_property_readonly(
-          "caveats", [](const Type& self) { return object_of(self.said.caveats); },
+          "caveats", [said_of](const Type& self) { return object_of(said_of(self).caveats); },
           "What every reader of a result must know first, a sentence each.");
+}
+template <class Class>
+void define_said(Class& defined) {
+  define_said(
+      defined, [](const auto& self) -> const auto& { return self.said; });
 }
 
 }  // namespace viscera::python

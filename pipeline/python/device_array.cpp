@@ -55,11 +55,32 @@ py::dict cuda_interface(const DeviceArray& array) {
       "version"_a = 3);
 }
 
+// What DLPack's protocol asks for may be another device, or a copy.
+void check_asked(const DeviceArray& array, const py::kwargs& options) {
+  const auto refuse = [](const std::string& found, const std::string& allowed) {
+    throw py::buffer_error(fmt::format("{}, allowed: {}", found, allowed));
+  };
+  const auto asked = [&options](const char* name) -> py::object {
+    return options.contains(name) ? py::object(options[name]) : py::none();
+  };
+  const py::object device = asked("dl_device");
+  if (!device.is_none() && !device.equal(py::make_tuple(static_cast<int>(kDLCUDA), array.device))) {
+    refuse(
+        fmt::format("dl_device: {}", py::repr(device).cast<std::string>()),
+        fmt::format("({}, {}), where the simulation is", static_cast<int>(kDLCUDA), array.device));
+  }
+  if (asked("copy").is(py::bool_(true))) refuse("copy: True", "False or None: copy what it gives");
+}
+
 }  // namespace
 
 void define_device_array(py::module_& module) {
   py::class_<DeviceArray>(module, "DeviceArray")
-      .def("__dlpack__", [](const DeviceArray& self, const py::kwargs&) { return handed_on(self); })
+      .def("__dlpack__",
+           [](const DeviceArray& self, const py::kwargs& options) {
+             check_asked(self, options);
+             return handed_on(self);
+           })
       .def("__dlpack_device__",
            [](const DeviceArray& self) {
              return py::make_tuple(static_cast<int>(kDLCUDA), self.device);

@@ -2,6 +2,7 @@
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
+#include <unistd.h>
 
 #include <limits>
 #include <mutex>
@@ -65,6 +66,11 @@ class Guarded {
  public:
   Guarded(const NamedMesh& mesh, const std::filesystem::path& scene, const Json& params)
       : simulation_(std::make_unique<Simulation>(mesh, scene, params)) {}
+  // A copy of the process has neither the threads of its solver, for which it would wait for ever,
+  // nor its device: it leaves them alone.
+  ~Guarded() {
+    if (getpid() != process_) simulation_.release();
+  }
 
   // Frames on; Ctrl-C ends it between two of them.
   void step(int frames) {
@@ -204,6 +210,12 @@ class Guarded {
 
  private:
   std::unique_lock<std::mutex> alone() {
+    if (getpid() != process_) {
+      throw std::runtime_error(
+          "this simulation was made in another process, of which this one is a copy (fork): make "
+          "it "
+          "here, or start processes by multiprocessing's \"spawn\"");
+    }
     std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
     if (!lock) throw std::runtime_error("another thread is stepping this simulation");
     return lock;
@@ -228,6 +240,7 @@ class Guarded {
     return all;
   }
 
+  const pid_t process_ = getpid();
   std::mutex mutex_;
   std::unique_ptr<Simulation> simulation_;
 };
@@ -292,7 +305,9 @@ void define_mesh(py::module_& module) {
 }
 
 void define_simulation(py::module_& module) {
-  py::class_<Guarded>(module, "Simulation")
+  py::class_<Guarded> simulation(module, "Simulation");
+  define_said(simulation, [](const Guarded& self) -> const Said& { return self.read().said(); });
+  simulation
       .def(py::init(
           [](const NamedMesh& mesh, const std::filesystem::path& scene, const py::dict& params) {
             const Json values = json_of(params);
@@ -322,6 +337,11 @@ void define_simulation(py::module_& module) {
                              [](const Guarded& self) { return self.read().scene().time.substeps; })
       .def_property_readonly("device", [](const Guarded& self) { return self.read().device(); })
       .def_property_readonly("scheme", [](const Guarded& self) { return self.read().scheme(); });
+  module.def("simulate_in_folder", [](const NamedMesh& mesh, const std::filesystem::path& scene,
+                                      const py::dict& params, const std::filesystem::path& folder) {
+    const Json values = json_of(params);
+    beside_others([&] { simulate_in_folder(mesh, scene, values, folder); });
+  });
 }
 
 }  // namespace
@@ -329,6 +349,7 @@ void define_simulation(py::module_& module) {
 PYBIND11_MODULE(_viscera, module) {
   log::set_level(log::Level::warn);
   log::set_name("viscera");
+  log::ask_for_interrupts(look_for_signals);
   define_error(module);
   define_mesh(module);
   define_device_array(module);

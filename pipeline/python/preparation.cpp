@@ -27,23 +27,11 @@ StageRun run_of(const Stage& stage, std::multimap<std::string, fs::path> inputs,
   return run;
 }
 
-Said said_by(const StageRun& run) {
-  Said said;
-  for (const Metric& metric : run.metrics())
-    if (!metric.machine) said.metrics[metric.name] = metric.value;
-  for (const Gate& gate : run.gates()) {
-    said.gates.push_back(to_json(gate));
-    said.gates.back()["passed"] = gate.passed();
-  }
-  for (const auto& caveat : run.caveats()) said.caveats.push_back(caveat);
-  return said;
-}
-
 // With the frame that the next stage's program reads, so that what follows has its bits.
 Labels cleaned(StageRun& run, const Segmentation& segmentation) {
   Labels labels{.image = clean_labels(run, segmentation).image, .said = {}};
   labels.image.frame = as_read_back(labels.image.frame);
-  labels.said = said_by(run);
+  labels.said = said_by(labels_stage().info, run);
   return labels;
 }
 
@@ -78,7 +66,7 @@ Labels labels_of(LabelImage volume, const Json& params) {
 Surface surface_of(const Labels& labels, const Json& params) {
   StageRun run = run_of(surface_stage(), {{"labels", labels_in_memory}}, params);
   Surface surface{.mesh = make_surfaces(run, labels.image), .said = {}};
-  surface.said = said_by(run);
+  surface.said = said_by(surface_stage().info, run);
   return surface;
 }
 
@@ -97,7 +85,7 @@ NamedMesh mesh_of(const Labels* labels, const Surface* surface, const NamedMesh*
   named.mesh = make_tets(run, {.labels = labels ? &labels->image : nullptr,
                                .surface = surface ? &surface->mesh : nullptr,
                                .size_field = size_field ? &size_field->mesh : nullptr});
-  named.said = said_by(run);
+  named.said = said_by(tetmesh_stage().info, run);
   return named;
 }
 

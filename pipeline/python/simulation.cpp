@@ -3,12 +3,15 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "pipeline/base/atomic_file.hpp"
+#include "pipeline/base/digest.hpp"
 #include "sim/measures/forces.hpp"
 #include "sim/sensitivity.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/error_report.hpp"
 #include "stages/simulate/exchange/static_problem.hpp"
+#include "stages/simulate/outcome_report.hpp"
 #include "stages/simulate/probes.hpp"
 #include "stages/simulate/scene/scene_number.hpp"
 #include "stages/simulate/solver_choice.hpp"
@@ -42,7 +45,7 @@ void Simulation::prepare() {
 }
 
 void Simulation::step() {
-  state_.reset();
+  state_.reset(), said_ = {};
   translated(run_, [this] {
     const std::size_t next = schedule_->at(time_s());
     if (next != setting_) {
@@ -69,7 +72,7 @@ void Simulation::follow_solver() {
 
 Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep,
                         std::optional<double> until_s) {
-  state_.reset();
+  state_.reset(), said_ = {};
   FrameOptions frames = frame_options(run_, setup_.file, setup_.model, options_);
   frames.keep = [&keep](const ComputedFrame& frame, const sim::State&) { keep(frame); };
   frames.probes = probes_, frames.gaps = gaps_;
@@ -92,7 +95,21 @@ Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep,
   if (!outcome.frames.empty()) solver_->set_state(outcome.last);
   end();
   if (outcome.frames.empty()) throw diverged(outcome.divergence);
+  tell(outcome);
   return outcome;
+}
+
+void Simulation::tell(const Outcome& outcome) {
+  StageRun told = run_;
+  report_outcome(told, body(), setup_.file, *schedule_, outcome);
+  report_probes(told, body(), probes_, outcome);
+  report_gaps(told, gaps_, outcome);
+  if (outcome.divergence.empty()) {
+    apply_gates(told, body(), setup_.file, outcome);
+  } else {
+    report_divergence(told, body(), outcome);
+  }
+  said_ = said_by(simulate_stage().info, told);
 }
 
 std::shared_ptr<const sim::State> Simulation::state() {
@@ -221,6 +238,23 @@ Error Simulation::diverged(const std::string& found) const {
                                     .found = found,
                                     .allowed = "a state that a body can be in",
                                     .remedy = "more substeps, or stability: substeps"});
+}
+
+void simulate_in_folder(const NamedMesh& mesh, const std::filesystem::path& scene,
+                        const Json& params, const std::filesystem::path& folder) {
+  const auto file = folder / "mesh" / "mesh.vtu";
+  create_directories(file.parent_path());
+  write_vtu(file, mesh.mesh);
+  if (!mesh.said.manifest.is_null()) {
+    Json manifest = mesh.said.manifest;
+    manifest["outputs"] = {{{"path", file.filename().string()},
+                            {"sha256", sha256_file(file)},
+                            {"bytes", file_size(file)}}};
+    write_atomically(file.parent_path() / "manifest.json", manifest.dump(1) + "\n");
+  }
+  run_stage(simulate_stage(),
+            make_run(simulate_stage().info, {{"mesh", file}, {"scene", scene}}, params, "report"),
+            folder / "simulate");
 }
 
 }  // namespace viscera::python

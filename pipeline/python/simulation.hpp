@@ -66,6 +66,8 @@ class Simulation {
 
   const sim::Model& body() const { return setup_.model; }
   const sim::Scene& scene() const { return setup_.file.scene; }
+  // Of the last run() that nothing has followed.
+  const Said& said() const { return said_; }
   double time_s() const { return frame_ * scene().time.frame_s; }
   int frame() const { return frame_; }
   std::string device() const { return solver_->device(); }
@@ -77,6 +79,7 @@ class Simulation {
  private:
   void prepare();
   void follow_solver();
+  void tell(const Outcome& outcome);
   Error diverged(const std::string& found) const;
 
   StageRun run_;
@@ -87,10 +90,16 @@ class Simulation {
   sim::SolverOptions options_;
   std::string scheme_;
   std::unique_ptr<sim::Solver> solver_;
-  std::optional<ExplicitWatch> watch_;       // explicit dynamics only
+  std::optional<ExplicitWatch> watch_;  // explicit dynamics only
+  Said said_;
   std::shared_ptr<const sim::State> state_;  // null: not asked for since the last frame
   int frame_ = 0;
   std::size_t setting_ = 0;  // of the schedule
 };
+
+// Runs viscera-simulate with its files in the folder simulate within `folder`, and those of the
+// mesh in mesh. Throws Error as it does.
+void simulate_in_folder(const NamedMesh& mesh, const std::filesystem::path& scene,
+                        const Json& params, const std::filesystem::path& folder);
 
 }  // namespace viscera::python

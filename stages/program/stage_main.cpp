@@ -205,66 +205,116 @@ StageRun make_run(const StageInfo& info, std::multimap<std::string, fs::path> in
   return {std::move(resolved), std::move(inputs), {}};
 }
 
+namespace {
+
+// The names of the gates that failed, each of which is told.
+std::vector<std::string> failed_gates(const StageInfo& info, const std::vector<Gate>& gates) {
+  std::vector<std::string> failed;
+  for (const auto& gate : gates) {
+    if (!is_declared(gate, info.gates)) {
+      throw Error(ExitCode::internal, {.where = "gate " + gate.name,
+                                       .found = "judged by the stage but not declared by it"});
+    }
+    if (gate.passed()) continue;
+    failed.push_back(gate.name);
+    log::error("{}", failure_message(gate));
+  }
+  return failed;
+}
+
+// The declared outputs that the stage wrote, in declared order; anything else is a defect.
+std::vector<FileDigest> written(const StageInfo& info, const fs::path& work) {
+  std::vector<FileDigest> files;
+  for (const auto& output : info.outputs) {
+    if (fs::exists(work / output.file)) {
+      const fs::path file = work / output.file;
+      files.push_back({output.file, sha256_file(file), fs::file_size(file)});
+    }
+  }
+  for (const auto& entry : fs::directory_iterator(work)) {
+    const auto name = entry.path().filename().string();
+    const bool known = std::any_of(files.begin(), files.end(),
+                                   [&name](const FileDigest& f) { return f.path == name; });
+    if (!known) {
+      throw Error(ExitCode::internal,
+                  {.where = name, .found = "written by the stage but not declared by it"});
+    }
+  }
+  return files;
+}
+
+}  // namespace
+
+Manifest manifest_of(const StageInfo& info, const StageRun& run) {
+  Manifest manifest{.stage = info.name, .version = info.version};
+  for (const auto& param : info.params) {
+    if (param.type == ParamType::real) manifest.param_units[param.name] = param.unit;
+  }
+  manifest.exit = run.exit_;
+  manifest.message = run.message_;
+  manifest.metrics = run.metrics_;
+  manifest.gates = run.gates_;
+  manifest.caveats = run.caveats_;
+  manifest.libraries = info.libraries;
+  manifest.device = run.device_;
+  manifest.uncacheable = run.uncacheable_;
+  return manifest;
+}
+
+Finished run_stage(const Stage& stage, StageRun run, const fs::path& out, const fs::path& scratch) {
+  const auto wall_begin = std::chrono::steady_clock::now();
+  const std::string started =
+      fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::chrono::system_clock::now()));
+  if (stage.check) stage.check(run);
+  const TemporaryFolder work(out);  // a refused input or param makes no folder
+  run.out_ = work.path();
+  run.scratch_ = scratch;
+  const Json params = run.params();  // a stage may find values of its own
+  const auto inputs = digests_of(run.inputs_);
+  stage.run(run);
+  check_unchanged(run.inputs_, inputs);
+  log::check_interrupt();
+
+  Manifest manifest = manifest_of(stage.info, run);
+  manifest.params = params;
+  manifest.inputs = inputs;
+  const std::vector<std::string> failed = failed_gates(stage.info, manifest.gates);
+  for (const auto& caveat : manifest.caveats) log::warn("{}", caveat);
+  if (manifest.exit == ExitCode::ok && !failed.empty()) {
+    manifest.exit = ExitCode::gate_failed;
+    manifest.message = fmt::format("gates failed: {}", fmt::join(failed, ", "));
+  }
+  if (manifest.exit == ExitCode::diverged) log::error("{}", manifest.message);
+  manifest.outputs = written(stage.info, work.path());
+  manifest.started = started;
+  manifest.wall_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
+  manifest.cpu_s = cpu_seconds();
+  manifest.max_rss_mb = used_mb();
+  publish(work.path(), out, manifest.outputs, to_json(manifest).dump(1) + "\n");
+  return {manifest.exit, failed, manifest.wall_s};
+}
+
 class StageProgram {
  public:
   explicit StageProgram(const Stage& stage) : stage_(stage) {}
 
   ExitCode run(const CommandLine& line) {
-    const auto wall_begin = std::chrono::steady_clock::now();
-    const std::string started =
-        fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::chrono::system_clock::now()));
-    const auto& info = stage_.info;
     if (line.out.empty()) {
       throw Error(ExitCode::usage, {.where = "command line",
                                     .field = "--out",
                                     .found = "missing",
                                     .remedy = "add --out DIR"});
     }
-    StageRun run = read_run(info, line.in, line.set);
-    const auto& inputs = run.inputs_;
-    if (stage_.check) stage_.check(run);
-    const TemporaryFolder work(line.out);  // a refused input or param makes no folder
-    run.out_ = work.path();
-    run.scratch_ = line.scratch;
-
-    Manifest manifest{.stage = info.name, .version = info.version, .params = run.params()};
-    manifest.inputs = digests_of(inputs);
-    stage_.run(run);
-    check_unchanged(inputs, manifest.inputs);
-    log::check_interrupt();
-
-    manifest.exit = run.exit_;
-    manifest.message = run.message_;
-    const std::vector<std::string> failed = failed_gates(run.gates_);
-    for (const auto& caveat : run.caveats_) log::warn("{}", caveat);
-    if (manifest.exit == ExitCode::ok && !failed.empty()) {
-      manifest.exit = ExitCode::gate_failed;
-      manifest.message = fmt::format("gates failed: {}", fmt::join(failed, ", "));
-    }
-    if (manifest.exit == ExitCode::diverged) log::error("{}", manifest.message);
-    for (const auto& param : info.params) {
-      if (param.type == ParamType::real) manifest.param_units[param.name] = param.unit;
-    }
-    manifest.outputs = written(work.path());
-    manifest.metrics = std::move(run.metrics_);
-    manifest.gates = std::move(run.gates_);
-    manifest.caveats = std::move(run.caveats_);
-    manifest.libraries = info.libraries;
-    manifest.device = run.device_;
-    manifest.uncacheable = run.uncacheable_;
-    manifest.started = started;
-    manifest.wall_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
-    manifest.cpu_s = cpu_seconds();
-    manifest.max_rss_mb = used_mb();
-    publish(work.path(), line.out, manifest.outputs, to_json(manifest).dump(1) + "\n");
-    std::cout << Json{{"stage", info.name},
-                      {"exit", static_cast<int>(manifest.exit)},
+    const Finished finished =
+        run_stage(stage_, read_run(stage_.info, line.in, line.set), line.out, line.scratch);
+    std::cout << Json{{"stage", stage_.info.name},
+                      {"exit", static_cast<int>(finished.exit)},
                       {"out", line.out},
-                      {"gates_failed", failed},
-                      {"wall_s", manifest.wall_s}}
+                      {"gates_failed", finished.gates_failed},
+                      {"wall_s", finished.wall_s}}
               << std::endl;
-    return manifest.exit;
+    return finished.exit;
   }
 
   ExitCode check(const CommandLine& line) {
@@ -289,42 +339,6 @@ class StageProgram {
   }
 
  private:
-  // The names of the gates that failed, each of which is told.
-  std::vector<std::string> failed_gates(const std::vector<Gate>& gates) const {
-    std::vector<std::string> failed;
-    for (const auto& gate : gates) {
-      if (!is_declared(gate, stage_.info.gates)) {
-        throw Error(ExitCode::internal, {.where = "gate " + gate.name,
-                                         .found = "judged by the stage but not declared by it"});
-      }
-      if (gate.passed()) continue;
-      failed.push_back(gate.name);
-      log::error("{}", failure_message(gate));
-    }
-    return failed;
-  }
-
-  // The declared outputs that the stage wrote, in declared order; anything else is a defect.
-  std::vector<FileDigest> written(const fs::path& work) const {
-    std::vector<FileDigest> files;
-    for (const auto& output : stage_.info.outputs) {
-      if (fs::exists(work / output.file)) {
-        const fs::path file = work / output.file;
-        files.push_back({output.file, sha256_file(file), fs::file_size(file)});
-      }
-    }
-    for (const auto& entry : fs::directory_iterator(work)) {
-      const auto name = entry.path().filename().string();
-      const bool known = std::any_of(files.begin(), files.end(),
-                                     [&name](const FileDigest& f) { return f.path == name; });
-      if (!known) {
-        throw Error(ExitCode::internal,
-                    {.where = name, .found = "written by the stage but not declared by it"});
-      }
-    }
-    return files;
-  }
-
   const Stage& stage_;
 };
 

@@ -21,6 +21,9 @@
 
 namespace viscera {
 
+struct Finished;
+struct Stage;
+
 class StageRun {
  public:
   StageRun(Json params, std::multimap<std::string, std::filesystem::path> inputs,
@@ -74,7 +77,9 @@ class StageRun {
   }
 
  private:
-  friend class StageProgram;
+  friend Finished run_stage(const Stage& stage, StageRun run, const std::filesystem::path& out,
+                            const std::filesystem::path& scratch);
+  friend Manifest manifest_of(const StageInfo& info, const StageRun& run);
   Json params_;
   std::multimap<std::string, std::filesystem::path> inputs_;
   std::filesystem::path out_, scratch_;
@@ -107,6 +112,21 @@ StageRun read_run(const StageInfo& info, const std::vector<std::string>& in,
 // The same of files and values that another program gives; `where` is what errors call their place.
 StageRun make_run(const StageInfo& info, std::multimap<std::string, std::filesystem::path> inputs,
                   const Json& params, const std::string& where);
+
+// What a run has said so far: all but its params, inputs, outputs and times.
+Manifest manifest_of(const StageInfo& info, const StageRun& run);
+
+// How a run has ended whose files are there.
+struct Finished {
+  ExitCode exit;  // ok, gate_failed or diverged
+  std::vector<std::string> gates_failed;
+  double wall_s;
+};
+
+// Runs a stage as its program does, with its files in the folder `out`, manifest.json among them.
+// Throws Error, and leaves nothing there, where there is no result.
+Finished run_stage(const Stage& stage, StageRun run, const std::filesystem::path& out,
+                   const std::filesystem::path& scratch = {});
 
 // The most memory that this process has held so far, MB.
 double used_mb();

@@ -63,6 +63,10 @@ def test_dlpack_hands_on_the_same_memory_and_keeps_the_simulation_until_it_is_le
     pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
     data = ctypes.c_void_p.from_address(pointer(capsule, CAPSULE)).value  # the struct's first member
     assert data == displacements.__cuda_array_interface__["data"][0]
+    for asked in ({"dl_device": (2, 1)}, {"dl_device": (1, 0)}, {"copy": True}):
+        with pytest.raises(BufferError, match="allowed"):  # it lies where it lies
+            displacements.__dlpack__(**asked)
+    displacements.__dlpack__(dl_device=(2, 0), copy=False, max_version=(1, 0))
     del displacements, _
     assert sys.getrefcount(sim) == before + 1
     del capsule

@@ -189,6 +189,30 @@ def test_a_run_goes_on_to_a_time_that_is_asked_for_and_then_as_the_scene_says(me
             sim.run(until=wrong)
 
 
+def test_a_copy_of_the_process_is_told_that_it_has_no_simulation(mesh):
+    sim = viscera.Simulation(mesh, falling(), threads=2)
+    sim.step(1)
+    read, write = os.pipe()
+    copy = os.fork()
+    if copy == 0:  # whatever happens, pytest does not go on here
+        signal.alarm(30)
+        said = "nothing"
+        try:
+            sim.step(1)
+        except RuntimeError as error:
+            said = str(error)
+        finally:
+            del sim  # without waiting for threads that there are not
+            os.write(write, said.encode())
+            os._exit(0)
+    os.close(write)
+    with os.fdopen(read) as pipe:
+        assert "another process" in pipe.read()
+    assert os.waitpid(copy, 0)[1] == 0
+    sim.step(1)
+    assert sim.frame == 2
+
+
 def test_simulations_that_are_gone_leave_no_memory(mesh):
     def one():
         sim = viscera.Simulation(mesh, falling(), threads=1)

@@ -23,7 +23,7 @@ def public(names):
     return {name for name in names if not name.startswith("_") or name in ("__version__", "__init__")}
 
 
-@pytest.mark.parametrize("name", ["_viscera", "_preparation"])
+@pytest.mark.parametrize("name", ["_viscera", "_preparation", "_report"])
 def test_a_stub_names_all_that_its_module_has_and_nothing_else(name):
     module = importlib.import_module(f"viscera.{name}")
     stub = ast.parse((pathlib.Path(viscera.__file__).parent / f"{name}.pyi").read_text(encoding="utf-8"))

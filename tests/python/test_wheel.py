@@ -11,7 +11,8 @@ FOLDER = pathlib.Path(viscera.__file__).parent
 BOTH = ("libc.", "libm.", "libgcc_s.", "libstdc++.", "ld-linux", "libfmt.", "libyaml-cpp.", "libcrypto.", "libz.",
         "libvtk", "libITK", "libitk")
 NEEDED = {"_viscera": (*BOTH, "libhdf5", "libcholmod.", "libgomp."),
-          "_preparation": (*BOTH, "libgmsh.", "libmpfr.", "libgmp.", "libdcm", "liboflog.", "libofstd.")}
+          "_preparation": (*BOTH, "libgmsh.", "libmpfr.", "libgmp.", "libdcm", "liboflog.", "libofstd."),
+          "_report": (*BOTH, "libhdf5", "libdcm", "liboflog.", "libofstd.")}
 
 
 @pytest.mark.parametrize("name", NEEDED)

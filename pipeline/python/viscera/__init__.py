@@ -30,10 +30,11 @@ from .programs import estimate, measured, run
 
 if TYPE_CHECKING:
     from .labels import Labels, Surface, read_labels
+    from .reports import Report, report
     from .studies import study
 
-__all__ = ["Error", "Labels", "Simulation", "Surface", "TetMesh", "__version__", "estimate", "measured",
-           "mesh_from_meshio", "read_labels", "read_mesh", "run", "study"]
+__all__ = ["Error", "Labels", "Report", "Simulation", "Surface", "TetMesh", "__version__", "estimate", "measured",
+           "mesh_from_meshio", "read_labels", "read_mesh", "report", "run", "study"]
 
 
 # s, as of a scene.
@@ -46,6 +47,10 @@ def __getattr__(name: str) -> Any:
         from . import labels
 
         return getattr(labels, name)
+    if name in ("Report", "report"):
+        from . import reports
+
+        return getattr(reports, name)
     if name == "study":  # made of simulations, which are made below
         from . import studies
 
@@ -70,12 +75,14 @@ class Simulation(_viscera.Simulation):
     motion_on_device(): displacements and velocities on a CUDA device, [n, 3] m and m/s, where the solver has them: each a
         DeviceArray for torch.from_dlpack, cupy.from_dlpack or warp.array, of float32 unless precision="fp64". They are
         those of now, until the simulation goes on.
+    gates, metrics, caveats: what the last run() came to, as in the manifest of the program; none once it has gone on.
     mesh: as given. time: s. frame: how many are done. frame_time: s. substeps: of a frame, as the scene's policy has
         raised them. device, scheme: what it runs on, and how. state_hash: as in metrics.csv.
     """
 
     def __init__(self, mesh: TetMesh, scene: str | os.PathLike[str] | Mapping[str, Any], **params: Any) -> None:
         self.mesh = mesh
+        self._certified: dict[str, Any] | None = None
         with _file_of(scene) as file:
             super().__init__(mesh, file, params)
 
@@ -83,6 +90,7 @@ class Simulation(_viscera.Simulation):
         """Goes on by whole frames."""
         if frames < 0:
             raise ValueError(f"frames: {frames}, allowed: 0 or more")
+        self._certified = None
         super().step(frames)
 
     def run(self, progress: Callable[[int, float, float], object] | None = None,
@@ -94,6 +102,7 @@ class Simulation(_viscera.Simulation):
         `rest_time_s`, `divergence` (None, or why the run ended early) and `frames`, one dict a frame
         with the columns of metrics.csv: pandas.DataFrame(result["frames"]).
         """
+        self._certified = None
         if until is None or until == "rest":
             return super().run(progress)
         if not isinstance(until, (int, float)) or not self.time < until < MAX_TIME:
@@ -115,13 +124,15 @@ class Simulation(_viscera.Simulation):
         `size_field`: the mesh with the cell sizes at which all tets would have the same part in the error, for
         `labels.tet_mesh(size_field=..., target_tets=...)`. Raises RuntimeError where the error is not known.
         """
-        return super().certify()
+        self._certified = super().certify()
+        return self._certified
 
     def set(self, name: str, value: float) -> None:
         """Gives a number of the scene another value from now on, in its SI unit: "materials.liver.E", 7e3.
 
         With solver="fem" and a scene without a schedule; what others change on the way stands in the scene.
         """
+        self._certified = None
         super().set(name, value)
 
     def gradient(self, by_displacement: ArrayLike, with_respect_to: Iterable[str]) -> dict[str, float]:

@@ -158,4 +158,14 @@ def of_simulation(simulation: "Simulation") -> str:
     faces, labels = boundary(simulation.mesh.tets, simulation.mesh.labels)
     title = (f"t {simulation.time:.3f} s: volume {100.0 * now['volume_ratio']:.2f} % of that at rest, fastest vertex "
              f"{1e3 * now['max_speed_m_s']:.3g} mm/s, {now['inverted']} tets inside out; on {simulation.device}")
-    return shown(title, drawn(simulation.positions, faces, color_of(labels)))
+    error = simulation._certified  # noqa: SLF001
+    first = [off_by(error)] if error else []
+    return shown(title, drawn(simulation.positions, faces, color_of(labels)), simulation.gates,
+                 [*first, *simulation.caveats])
+
+
+def off_by(error: Mapping[str, Any]) -> str:
+    """How far a certified body is off, by its parts."""
+    parts = ", ".join(f"{name} {error[name]:.2g}" for name in ("solver", "element", "mesh", "support", "surface")
+                      if error[name] is not None)
+    return f"At rest {error['total']:.2g} mm off, {100 * error['share']:.2g} % of the displacement: {parts} mm"
