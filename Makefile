@@ -138,7 +138,7 @@ WHEEL = build/wheel
 wheel: ## the Python package, build/wheel/dist/viscera-*.whl, for pip install; WHEEL_OPTIONS=-DVISCERA_CUDA=ON
 	@sh .ci/packages run python
 	@cmake --preset wheel -DPython_EXECUTABLE=$(PYTHON) $(WHEEL_OPTIONS) >/dev/null
-	@ninja -C $(WHEEL) -j $(JOBS) viscera_python
+	@ninja -C $(WHEEL) -j $(JOBS) viscera_python viscera_preparation viscera_report_page
 	@rm -rf $(WHEEL)/dist && $(PYTHON) -m build --wheel --no-isolation --outdir $(WHEEL)/dist $(WHEEL)/package >/dev/null
 	@ls -sh $(WHEEL)/dist/*.whl
 
@@ -253,14 +253,21 @@ bench-all: build $(BENCH)/mesh.vtu ## solver, live, mesh, pipeline and GPU in sh
 # AddressSanitizer is spared the seconds of motion that run the same code again and again, and VTK's
 # threads: a copy of the process that reads a file (trial_read.hpp) would wait for the lock of the
 # sanitizer's allocator, when one of them held it at that moment. The fuzzers are of the same build.
-sanitize: all-packages ## unit tests under Address-, UndefinedBehaviour- and ThreadSanitizer
-	@cmake --preset sanitized >/dev/null && ninja -C build/sanitized -j $(JOBS) test_contract test_engine \
+# The Python module runs in an interpreter that has the sanitizer loaded before it; tests that start
+# programs, or weigh the process, are for `make test-python`.
+sanitize: all-packages ## unit tests and the Python module under Address- and UndefinedBehaviourSanitizer, threads under ThreadSanitizer
+	@sh .ci/packages run python
+	@cmake --preset sanitized -DVISCERA_PYTHON=ON -DPython_EXECUTABLE=$(PYTHON) >/dev/null && ninja -C build/sanitized -j $(JOBS) test_contract test_engine \
 	  test_sim test_blocks test_properties test_tet_io test_surface_io test_trajectory_io test_improve test_live_session \
-	  test_labels test_surface test_tet_exchange test_report
+	  test_labels test_surface test_tet_exchange test_report viscera_python
 	@VTK_SMP_BACKEND_IN_USE=Sequential ASAN_OPTIONS=detect_container_overflow=0 \
 	  LSAN_OPTIONS=suppressions=$(CURDIR)/.ci/fuzz_leaks:print_suppressions=0 \
 	  ctest --test-dir build/sanitized -L 'unit|property' -E 'ComesToRest|Equilibrium|Decays|Threads|^Bar|^StiffBar.*Newton|^SweepError|AllAgreeOnABar' \
 	  --output-on-failure -j $(JOBS)
+	@LD_PRELOAD=$$(clang -print-file-name=libclang_rt.asan-$$(uname -m).so) \
+	  ASAN_OPTIONS=detect_leaks=0:detect_container_overflow=0 PYTHONPATH=build/sanitized/package \
+	  $(PYTHON) -m pytest -q -p no:cacheprovider -k 'not program and not leave_no_memory' \
+	  tests/python/test_errors.py tests/python/test_simulation.py
 	@cmake --preset sanitized-threads >/dev/null && ninja -C build/sanitized-threads -j $(JOBS) test_sim
 	@ctest --test-dir build/sanitized-threads -R 'SameBits|Threads' --output-on-failure
 

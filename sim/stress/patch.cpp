@@ -9,7 +9,7 @@ namespace {
 
 void keep_each_once(std::vector<int>& numbers) {
   std::ranges::sort(numbers);
-  numbers.erase(std::ranges::unique(numbers).begin(), numbers.end());
+  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
 }
 
 // The value at a place of the linear function that fits samples best, each by its volume.

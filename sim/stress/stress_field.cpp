@@ -26,7 +26,7 @@ void find_corners(const Model& model, StressField& field) {
     for (const int v : model.tets[t]) field.corners.push_back({v, model.material_of[t]});
   }
   std::ranges::sort(field.corners);
-  field.corners.erase(std::ranges::unique(field.corners).begin(), field.corners.end());
+  field.corners.erase(std::unique(field.corners.begin(), field.corners.end()), field.corners.end());
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     Tet corners;
     for (int k = 0; k < 4; ++k) {
