@@ -76,13 +76,14 @@ class Simulation(_viscera.Simulation):
         DeviceArray for torch.from_dlpack, cupy.from_dlpack or warp.array, of float32 unless precision="fp64". They are
         those of now, until the simulation goes on.
     gates, metrics, caveats: what the last run() came to, as in the manifest of the program; none once it has gone on.
+    certified: what certify() has said of now; None: it has not been asked.
     mesh: as given. time: s. frame: how many are done. frame_time: s. substeps: of a frame, as the scene's policy has
         raised them. device, scheme: what it runs on, and how. state_hash: as in metrics.csv.
     """
 
     def __init__(self, mesh: TetMesh, scene: str | os.PathLike[str] | Mapping[str, Any], **params: Any) -> None:
         self.mesh = mesh
-        self._certified: dict[str, Any] | None = None
+        self.certified: dict[str, Any] | None = None
         with _file_of(scene) as file:
             super().__init__(mesh, file, params)
 
@@ -90,7 +91,7 @@ class Simulation(_viscera.Simulation):
         """Goes on by whole frames."""
         if frames < 0:
             raise ValueError(f"frames: {frames}, allowed: 0 or more")
-        self._certified = None
+        self.certified = None
         super().step(frames)
 
     def run(self, progress: Callable[[int, float, float], object] | None = None,
@@ -102,7 +103,7 @@ class Simulation(_viscera.Simulation):
         `rest_time_s`, `divergence` (None, or why the run ended early) and `frames`, one dict a frame
         with the columns of metrics.csv: pandas.DataFrame(result["frames"]).
         """
-        self._certified = None
+        self.certified = None
         if until is None or until == "rest":
             return super().run(progress)
         if not isinstance(until, (int, float)) or not self.time < until < MAX_TIME:
@@ -124,15 +125,15 @@ class Simulation(_viscera.Simulation):
         `size_field`: the mesh with the cell sizes at which all tets would have the same part in the error, for
         `labels.tet_mesh(size_field=..., target_tets=...)`. Raises RuntimeError where the error is not known.
         """
-        self._certified = super().certify()
-        return self._certified
+        self.certified = super().certify()
+        return self.certified
 
     def set(self, name: str, value: float) -> None:
         """Gives a number of the scene another value from now on, in its SI unit: "materials.liver.E", 7e3.
 
         With solver="fem" and a scene without a schedule; what others change on the way stands in the scene.
         """
-        self._certified = None
+        self.certified = None
         super().set(name, value)
 
     def gradient(self, by_displacement: ArrayLike, with_respect_to: Iterable[str]) -> dict[str, float]:

@@ -158,8 +158,7 @@ def of_simulation(simulation: "Simulation") -> str:
     faces, labels = boundary(simulation.mesh.tets, simulation.mesh.labels)
     title = (f"t {simulation.time:.3f} s: volume {100.0 * now['volume_ratio']:.2f} % of that at rest, fastest vertex "
              f"{1e3 * now['max_speed_m_s']:.3g} mm/s, {now['inverted']} tets inside out; on {simulation.device}")
-    error = simulation._certified  # noqa: SLF001
-    first = [off_by(error)] if error else []
+    first = [off_by(simulation.certified)] if simulation.certified else []
     return shown(title, drawn(simulation.positions, faces, color_of(labels)), simulation.gates,
                  [*first, *simulation.caveats])
 
