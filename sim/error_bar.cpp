@@ -72,6 +72,20 @@ struct OtherSupports {
   bool narrower = true;
 };
 
+// What holds a body: supports, and beds of springs.
+template <class Effect>
+constexpr bool holds = Effect::kind == EffectKind::motion || std::is_same_v<Effect, Spring>;
+
+// Whether a bed has a face to act on.
+template <class Effect>
+bool has_faces(const Model& model, const typename Effect::Params& bed) {
+  try {
+    return !Effect::elements(model, bed).empty();
+  } catch (const Refusal&) {
+    return false;
+  }
+}
+
 // About a cell farther inside, where something is left of each, or else farther outside. Nothing
 // where every support ends where it should.
 std::optional<OtherSupports> other_supports(const Model& model, const Scene& scene) {
@@ -79,7 +93,7 @@ std::optional<OtherSupports> other_supports(const Model& model, const Scene& sce
     OtherSupports other{.scene = scene, .narrower = narrower};
     bool is_left = true;
     Effects::for_each([&]<class Effect, std::size_t i>() {
-      if constexpr (Effect::kind == EffectKind::motion) {
+      if constexpr (holds<Effect>) {
         for (auto& support : std::get<i>(other.scene.effects)) {
           const BorderGap gap = border_gap(model, support, Effect::name);
           if (!(gap.mean > noticed * gap.cell)) continue;
@@ -88,6 +102,8 @@ std::optional<OtherSupports> other_supports(const Model& model, const Scene& sce
           is_left = is_left && there.tets > 0 && there.mean != gap.mean;
           other.share = std::max(other.share, gap.mean / std::abs(there.mean - gap.mean));
           static_cast<Selection&>(support) = narrowed(support, by);
+          if constexpr (std::is_same_v<Effect, Spring>)
+            is_left = is_left && has_faces<Effect>(model, support);
         }
       }
     });
@@ -99,6 +115,18 @@ std::optional<OtherSupports> other_supports(const Model& model, const Scene& sce
 }
 
 }  // namespace
+
+bool rests_on_friction_alone(const Model& model, const Scene& scene) {
+  bool is_held = std::ranges::count(model.fixed, 1) > 0, rubs = false;
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    const auto& all = std::get<i>(scene.effects);
+    is_held |= holds<Effect> && !all.empty();
+    if constexpr (requires { all.front().friction; }) {
+      for (const auto& params : all) rubs |= params.friction > 0.0;
+    }
+  });
+  return rubs && !is_held;
+}
 
 ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int order,
                    const std::function<void()>& pause_point, std::span<const Probe> probes,

@@ -23,7 +23,8 @@
 // The surface's part is of first order in how far the labels end from it (surface_error.hpp), and
 // of a mesh that was made from labels.
 //
-// What it does not know: how far the labels are from the patient, materials and loads.
+// What it does not know: how far the labels are from the patient, materials and loads; and where on
+// an obstacle friction stops a body that nothing else holds.
 #pragma once
 
 #include <functional>
@@ -58,7 +59,14 @@ struct ErrorBar {
   double largest = 0.0;            // m, of u - u_2 at a vertex
   std::vector<ErrorParts> probes;  // of the displacement of each
   std::vector<double> sizes;       // [m] of cells that share the error alike (wanted_sizes.hpp)
+
+  // The total as a part of the displacement; 0 where nothing moves.
+  double share() const { return size > 0.0 ? displacement.total / size : 0.0; }
 };
+
+// Whether nothing but friction holds a body in its place, which then follows from its way there, as
+// no error bar does.
+bool rests_on_friction_alone(const Model& model, const Scene& scene);
 
 // Of a body that rests in `end` under the elements `order` (1: the scene's, linear or smoothed; 2:
 // quadratic tets). `missing` is [tets] m3, what the labels have beyond the surface at each tet

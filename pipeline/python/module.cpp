@@ -159,7 +159,7 @@ class Guarded {
     const auto [solver, element, mesh, support, surface, total] = bar.displacement;
     py::dict parts, quantities;
     parts["total"] = m_to_mm * total;
-    parts["share"] = total / bar.size;
+    parts["share"] = bar.share();
     parts["solver"] = m_to_mm * solver;
     parts["element"] = m_to_mm * element;
     parts["mesh"] = m_to_mm * mesh;

@@ -56,7 +56,7 @@ void report_parts(StageRun& run, const sim::Model& model, const std::vector<sim:
   const auto [solver, element, mesh_part, support, surface, total] = bar.displacement;
   const bool surface_known = bar.surface_unknown.empty();
   run.metric("error_total", m_to_mm * total, "mm");
-  run.metric("error_total_share", total / bar.size);
+  run.metric("error_total_share", bar.share());
   run.metric("error_solver", m_to_mm * solver, "mm");
   run.metric("error_element", m_to_mm * element, "mm");
   run.metric("error_mesh", m_to_mm * mesh_part, "mm");
@@ -74,7 +74,7 @@ void report_parts(StageRun& run, const sim::Model& model, const std::vector<sim:
   log::info(
       "at rest the body is off by {:.3g} mm rms or less ({:.2g} % of its displacement): solver "
       "{:.2g}, element {:.2g}, mesh {:.2g}, support {:.2g}, surface {}",
-      m_to_mm * total, 100.0 * total / bar.size, m_to_mm * solver, m_to_mm * element,
+      m_to_mm * total, 100.0 * bar.share(), m_to_mm * solver, m_to_mm * element,
       m_to_mm * mesh_part, m_to_mm * support,
       surface_known ? fmt::format("{:.2g} mm", m_to_mm * surface) : "not known");
 }
@@ -205,6 +205,12 @@ void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& mode
   run.metric("error_bar_unknown", is_known ? Json() : Json(bar.unknown));
   if (is_known) {
     report_parts(run, model, asked, bar);
+    if (sim::rests_on_friction_alone(model, file.scene) && outcome.frames.back().contacts > 0) {
+      run.caveat(
+          "Nothing but friction holds the body in its place: that follows from its way there, and "
+          "other substeps or another mesh may leave it elsewhere. The error bar is that of the "
+          "equilibrium near this place.");
+    }
   } else {
     log::warn("how far the body is off is not known: {}", bar.unknown);
   }

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/element_choice.hpp"
+#include "sim/equilibrium.hpp"
 #include "sim/model/surface.hpp"
 #include "tests/verification/truth.hpp"
 
@@ -25,6 +26,17 @@ Scene held_scene(bool smoothed) {
 
 Model bar() {
   return make_five_tet_box({0.08, 0.02, 0.02}, {8, 2, 2}, bar_material);
+}
+
+// Of the displacements of a mesh that has all vertices of another, those.
+Displacement at_vertices_of(const Model& model, const Model& fine, const Displacement& u) {
+  Displacement found;
+  for (const auto& x : model.rest) {
+    const auto same =
+        std::ranges::find_if(fine.rest, [&x](const Vec3<double>& y) { return norm(x - y) < 1e-9; });
+    found.push_back(u[same - fine.rest.begin()]);
+  }
+  return found;
 }
 
 TEST(ErrorBar, OfABentBarIsNoLessThanTheTrueErrorAndAtMostThreeTimesAsMuch) {
@@ -128,14 +140,7 @@ TEST(ErrorBar, HasAPartForASupportThatEndsBetweenVertices) {
   const auto truth_held_to = [&](double within) {
     Scene scene = held_scene(false);
     scene.params<Fixed>().front().within = within + 1e-9;
-    const Displacement everywhere = equilibrium(fine, scene, 2).u;
-    Displacement truth;  // at the vertices of the coarse bar
-    for (const auto& x : model.rest) {
-      const auto same = std::ranges::find_if(
-          fine.rest, [&x](const Vec3<double>& y) { return norm(x - y) < 1e-9; });
-      truth.push_back(everywhere[same - fine.rest.begin()]);
-    }
-    return truth;
+    return at_vertices_of(model, fine, equilibrium(fine, scene, 2).u);
   };
   const Displacement to_vertices = truth_held_to(0.01);
   for (const double within : {0.0125, 0.0175}) {
@@ -151,6 +156,42 @@ TEST(ErrorBar, HasAPartForASupportThatEndsBetweenVertices) {
     EXPECT_LE(bar.displacement.support, 2.0 * costs) << within;
     EXPECT_GE(bar.displacement.total, off(model, end.u, truth)) << within;
   }
+}
+
+// Hung on springs over a strip of its surface that ends where no vertices are.
+TEST(ErrorBar, HasAPartForABedOfSpringsThatEndsBetweenVertices) {
+  const Model model = bar(), fine = make_five_tet_box({0.08, 0.02, 0.02}, {32, 8, 8}, bar_material);
+  Scene scene = held_scene(true);
+  scene.params<Fixed>().clear();
+  auto& bed = scene.params<Spring>().emplace_back();
+  bed.side = "right", bed.stiffness = 1e7;
+  const auto support_of_strip = [&](double within) {
+    bed.within = within + 1e-9;
+    return error_bar(model, scene, equilibrium(model, scene, 1), 1, [] {}).displacement;
+  };
+  EXPECT_EQ(support_of_strip(0.02).support, 0.0) << "it ends at vertices";
+  const auto truth_of_strip = [&](double within) {
+    bed.within = within + 1e-9;
+    const Scene exact = with_element(Element::quadratic, bar_material.poisson_ratio, scene);
+    return at_vertices_of(model, fine, equilibrium(fine, exact, 2).u);
+  };
+  const Displacement truth = truth_of_strip(0.0175);
+  const double costs = off(model, truth_of_strip(0.01), truth);  // as far as whole faces reach
+  const ErrorParts parts = support_of_strip(0.0175);
+  EXPECT_GE(parts.support, 0.9 * costs);
+  EXPECT_LE(parts.support, 2.0 * costs);
+  EXPECT_GE(parts.total, off(model, equilibrium(model, scene, 1).u, truth));
+}
+
+TEST(ErrorBar, SaysWhereNothingButFrictionHoldsABody) {
+  const Model model = bar();
+  Scene scene = held_scene(true);
+  scene.params<Ground>().emplace_back();
+  EXPECT_FALSE(rests_on_friction_alone(model, scene)) << "its end face is held";
+  scene.params<Fixed>().clear();
+  EXPECT_TRUE(rests_on_friction_alone(model, scene));
+  scene.params<Ground>().front().friction = 0.0;
+  EXPECT_FALSE(rests_on_friction_alone(model, scene));
 }
 
 // Fewer vertices than a cell's: what is there beyond is looked at instead.

@@ -123,7 +123,8 @@ class Simulation(_viscera.Simulation):
         the mesh does not say how far the labels end from it), and `share`, the total as a part of the displacement.
         `quantities`: the total of each label's centroid and each probe, by name.
         `size_field`: the mesh with the cell sizes at which all tets would have the same part in the error, for
-        `labels.tet_mesh(size_field=..., target_tets=...)`. Raises RuntimeError where the error is not known.
+        `labels.tet_mesh(size_field=..., target_tets=...)`. Raises RuntimeError where the error is not known. Where nothing
+        but friction holds a body, its place follows from its way there, and is not in the error.
         """
         self.certified = super().certify()
         return self.certified

@@ -66,7 +66,7 @@ viscera.errorBar = function (report) {
     `mesh ${mm(metric("error_mesh"))}, supports ${mm(metric("error_support") ?? 0)}` +
     (surfaceKnown ? `, surface ${mm(surface)}` : "") + "; centroids: " +
     centroids.map(([label, off]) => `${label} ${mm(off)}`).join(", ") +
-    `. Not in it: the ${surfaceKnown ? "labels'" : "surface's"} distance from the scan, the borders of springs and loads, and whether materials and loads are right.`;
+    `. Not in it: the ${surfaceKnown ? "labels'" : "surface's"} distance from the scan, the borders of loads, and whether materials and loads are right.`;
 };
 
 viscera.verdict = function (report) {

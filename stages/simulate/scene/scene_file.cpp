@@ -26,6 +26,14 @@ const std::vector<Param>& material_params() {
 
 namespace {
 
+// Of elasticity, of which a body has one.
+template <class Effect, class... Laws>
+constexpr bool is_any_of = (std::is_same_v<Effect, Laws> || ...);
+template <class Effect>
+constexpr bool is_law =
+    is_any_of<Effect, sim::NeoHookean, sim::SmoothedNeoHookean, sim::MooneyRivlin, sim::Ogden,
+              sim::Linear, sim::StVK, sim::Corotational>;
+
 const std::vector<Param>& time_params() {
   const sim::TimeGrid grid;
   static const std::vector<Param> params = {
@@ -179,6 +187,23 @@ class SceneReader {
       if (!named.IsSequence()) return read_fields<Effect>(named, all.emplace_back());
       for (const auto& item : named) read_fields<Effect>(item, all.emplace_back());
     });
+    check_one_law(node);
+  }
+
+  // Each law has all of a label's E and nu: two of them are a tissue twice as stiff. The terms of
+  // Ogden's are one law.
+  void check_one_law(const YAML::Node& node) const {
+    std::vector<std::string> laws;
+    sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (is_law<Effect>) {
+        const std::size_t terms = std::get<i>(file_.scene.effects).size();
+        const bool is_sum = std::is_same_v<Effect, sim::Ogden>;
+        laws.insert(laws.end(), is_sum ? std::min<std::size_t>(terms, 1) : terms, Effect::name);
+      }
+    });
+    if (laws.size() < 2) return;
+    throw fail(node, "effects." + laws[1], "beside " + laws[0],
+               "one law of elasticity, which has all of E and nu", "take one of them away");
   }
 
   void read_element(const YAML::Node& node) {
@@ -262,6 +287,20 @@ class SceneReader {
     });
   }
 
+  // What would be ignored, or taken to be 0, is refused.
+  void check_selection(const YAML::Node& node, const std::string& prefix) const {
+    if (!node.IsMap()) return;
+    const auto is_given = [&node](const char* key) { return static_cast<bool>(node[key]); };
+    if (is_given("box_lo") != is_given("box_hi")) {
+      throw fail(node, prefix + (is_given("box_lo") ? "box_hi" : "box_lo"), "missing",
+                 "both corners of the box, least and greatest x, y, z");
+    }
+    if (is_given("within") && !is_given("side") && !is_given("near")) {
+      throw fail(node["within"], prefix + "within", "given without side or near",
+                 "a distance from these", "take it away, or say from what");
+    }
+  }
+
   // What is not given stays as it is in `params`.
   template <class Effect>
   void read_fields(const YAML::Node& node, typename Effect::Params& params,
@@ -271,6 +310,9 @@ class SceneReader {
     std::apply([&](const auto&... field) { (declared.push_back(declare(field, params)), ...); },
                Effect::fields());
     const Json values = resolve_map(declared, node, prefix);
+    if constexpr (std::derived_from<typename Effect::Params, sim::Selection>) {
+      if (parent.empty()) check_selection(node, prefix);  // a schedule gives what changes alone
+    }
     std::apply(
         [&](const auto&... field) { (assign(field, values[field.name], params, prefix), ...); },
         Effect::fields());
