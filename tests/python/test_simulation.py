@@ -147,6 +147,7 @@ def test_other_threads_run_while_a_simulation_steps(mesh):
 
 
 def test_ctrl_c_ends_a_long_call_between_two_frames(mesh):
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background has none
     sim = viscera.Simulation(mesh, falling())
     threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
