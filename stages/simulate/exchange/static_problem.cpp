@@ -4,6 +4,7 @@
 #include <optional>
 #include <type_traits>
 
+#include "sim/base/is_any_of.hpp"
 #include "sim/base/refusal.hpp"
 #include "sim/base/tet_face.hpp"
 #include "sim/solvers/fem/mesh.hpp"
@@ -15,13 +16,11 @@ namespace {
 
 using export_text::mm_per_m, export_text::mpa_per_pa;
 
-template <class Effect, class... Others>
-constexpr bool is_any_of = (std::is_same_v<Effect, Others> || ...);
-
 // To the static problem: what has no force at rest, and groups of tets, which have a part of the
 // law that smoothed elements beside them name.
 template <class Effect>
-constexpr bool adds_nothing = is_any_of<Effect, sim::Viscosity, sim::Prony, sim::GroupedVolume>;
+constexpr bool adds_nothing =
+    sim::is_any_of<Effect, sim::Viscosity, sim::Prony, sim::GroupedVolume>;
 
 template <class Effect>
 constexpr std::optional<ElasticLaw> law_of() {

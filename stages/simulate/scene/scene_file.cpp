@@ -8,6 +8,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/yaml_file.hpp"
+#include "sim/base/is_any_of.hpp"
 #include "stages/mesh/material_params.hpp"
 #include "stages/simulate/scene/scene_change.hpp"
 
@@ -27,12 +28,10 @@ const std::vector<Param>& material_params() {
 namespace {
 
 // Of elasticity, of which a body has one.
-template <class Effect, class... Laws>
-constexpr bool is_any_of = (std::is_same_v<Effect, Laws> || ...);
 template <class Effect>
 constexpr bool is_law =
-    is_any_of<Effect, sim::NeoHookean, sim::SmoothedNeoHookean, sim::MooneyRivlin, sim::Ogden,
-              sim::Linear, sim::StVK, sim::Corotational>;
+    sim::is_any_of<Effect, sim::NeoHookean, sim::SmoothedNeoHookean, sim::MooneyRivlin, sim::Ogden,
+                   sim::Linear, sim::StVK, sim::Corotational>;
 
 const std::vector<Param>& time_params() {
   const sim::TimeGrid grid;
