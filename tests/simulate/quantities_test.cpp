@@ -37,6 +37,16 @@ TEST_F(Simulate, ACertifiedRunSaysHowFarTheBodyIsOffOrWhyThatIsNotKnown) {
   EXPECT_NE(errors.find("not known"), std::string::npos) << errors;
 }
 
+TEST_F(Simulate, ABodyThatFrictionAloneHoldsSaysFirstThatItsPlaceIsNotInItsErrorBar) {
+  ASSERT_EQ(run(drop_scene, {"--set", "certify=true"}), 0) << errors;
+  EXPECT_TRUE(metric("error_bar_unknown").is_null());
+  ASSERT_EQ(manifest().caveats.size(), 1u);
+  EXPECT_NE(manifest().caveats[0].find("Nothing but friction"), std::string::npos);
+  const std::string held = with(drop_scene, "  viscosity:", "  fixed: {side: superior}");
+  ASSERT_EQ(run(held, {"--set", "certify=true"}), 0) << errors;
+  EXPECT_TRUE(manifest().caveats.empty());
+}
+
 TEST_F(Simulate, AMeshThatSaysWhereItsLabelsEndHasThatInItsErrorBar) {
   const std::string held =
       with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
