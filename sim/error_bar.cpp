@@ -77,10 +77,9 @@ template <class Effect>
 constexpr bool holds = Effect::kind == EffectKind::motion || std::is_same_v<Effect, Spring>;
 
 // Whether a bed has a face to act on.
-template <class Effect>
-bool has_faces(const Model& model, const typename Effect::Params& bed) {
+bool has_faces(const Model& model, const Spring::Params& bed) {
   try {
-    return !Effect::elements(model, bed).empty();
+    return !Spring::elements(model, bed).empty();
   } catch (const Refusal&) {
     return false;
   }
@@ -103,7 +102,7 @@ std::optional<OtherSupports> other_supports(const Model& model, const Scene& sce
           other.share = std::max(other.share, gap.mean / std::abs(there.mean - gap.mean));
           static_cast<Selection&>(support) = narrowed(support, by);
           if constexpr (std::is_same_v<Effect, Spring>)
-            is_left = is_left && has_faces<Effect>(model, support);
+            is_left = is_left && has_faces(model, support);
         }
       }
     });
