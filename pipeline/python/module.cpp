@@ -212,9 +212,8 @@ class Guarded {
   std::unique_lock<std::mutex> alone() {
     if (getpid() != process_) {
       throw std::runtime_error(
-          "this simulation was made in another process, of which this one is a copy (fork): make "
-          "it "
-          "here, or start processes by multiprocessing's \"spawn\"");
+          "this simulation was made in another process, of which this one is a copy (fork); make "
+          "it here, or start processes by multiprocessing's \"spawn\"");
     }
     std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
     if (!lock) throw std::runtime_error("another thread is stepping this simulation");

@@ -39,6 +39,12 @@ def cube(cells=3, edge=50.0):
     return points * (edge / cells), np.array(tets, np.int32)
 
 
+def ball(voxels=20, radius=6.0):
+    """Ids [k, j, i]: 1 inside, of a ball in the middle."""
+    k, j, i = (axis - (voxels - 1) / 2 for axis in np.ogrid[:voxels, :voxels, :voxels])
+    return (k**2 + j**2 + i**2 < radius**2).astype(np.uint8)
+
+
 def falling(**more):
     """A scene of one material without obstacles."""
     return {

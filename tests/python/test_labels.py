@@ -13,7 +13,7 @@ import types
 import numpy as np
 import pytest
 import viscera
-from conftest import falling, read_nrrd, resident_kb
+from conftest import ball, falling, read_nrrd, resident_kb
 
 PHANTOM = pathlib.Path("sample_data/phantom.nrrd")
 MATERIALS = {"liver": 1, "tumour": 2, "vessels": 3}
@@ -162,11 +162,6 @@ def test_a_certified_body_says_how_far_it_is_off_and_where_its_next_mesh_is_to_b
             > share_where_cells_are_to_be_small(even.tets, even.points))
     with pytest.raises(viscera.Error, match="relative_size"):
         labels.tet_mesh(size_field=mesh, cell_size="18 mm")
-
-
-def ball(voxels=20, radius=6.0):
-    k, j, i = (axis - (voxels - 1) / 2 for axis in np.ogrid[:voxels, :voxels, :voxels])
-    return (k**2 + j**2 + i**2 < radius**2).astype(np.uint8)
 
 
 def test_axes_and_places_are_those_of_simpleitk(monkeypatch):

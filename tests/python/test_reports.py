@@ -3,10 +3,9 @@
 import json
 import subprocess
 
-import numpy as np
 import pytest
 import viscera
-from conftest import PROGRAMS, falling
+from conftest import PROGRAMS, ball, falling
 
 
 def held(**more):
@@ -16,10 +15,8 @@ def held(**more):
             "rest": {"speed": "2 mm/s", "hold": "50 ms"}, "expect": {"rest_time": {"max": 3}}}
 
 
-def ball():
-    k, j, i = np.ogrid[:24, :24, :24]
-    voxels = ((k - 12) ** 2 + (j - 12) ** 2 + (i - 12) ** 2 < 81).astype(np.uint8)
-    return viscera.read_labels(voxels, (2.0, 2.0, 2.0), names={1: "liver"})
+def mesh_of_a_ball():
+    return viscera.read_labels(ball(24, 9.0), (2.0, 2.0, 2.0), names={1: "liver"}).tet_mesh(cell_size="8 mm")
 
 
 def test_a_report_is_that_of_the_programs(demo, tmp_path):
@@ -40,7 +37,7 @@ def test_a_report_is_that_of_the_programs(demo, tmp_path):
 
 
 def test_a_report_begins_with_the_gates_of_the_mesh_and_a_simulation_has_its_own():
-    mesh = ball().tet_mesh(cell_size="8 mm")
+    mesh = mesh_of_a_ball()
     report = viscera.report(mesh, held())
     by_stage = {stage["stage"]: stage for stage in report.summary["stages"]}
     assert [gate["name"] for gate in by_stage["tetmesh"]["gates"]] == [gate["name"] for gate in mesh.gates]
@@ -61,7 +58,7 @@ def test_a_report_begins_with_the_gates_of_the_mesh_and_a_simulation_has_its_own
 def test_a_report_that_cannot_be_made_says_why_and_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
-    mesh = ball().tet_mesh(cell_size="8 mm")
+    mesh = mesh_of_a_ball()
     with pytest.raises(viscera.Error, match="gravitation"):
         viscera.report(mesh, held(gravitation={}))
     with pytest.raises(viscera.Error) as caught:

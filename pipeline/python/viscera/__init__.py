@@ -84,7 +84,7 @@ class Simulation(_viscera.Simulation):
     def __init__(self, mesh: TetMesh, scene: str | os.PathLike[str] | Mapping[str, Any], **params: Any) -> None:
         self.mesh = mesh
         self.certified: dict[str, Any] | None = None
-        with _file_of(scene) as file:
+        with file_of(scene) as file:
             super().__init__(mesh, file, params)
 
     def step(self, frames: int = 1) -> None:
@@ -180,12 +180,13 @@ setattr(TetMesh, "to_meshio", bridges.mesh_to_meshio)
 
 
 @contextlib.contextmanager
-def _file_of(scene: str | os.PathLike[str] | Mapping[str, Any]) -> Iterator[str]:
-    """The path of a scene; one that is given as a dict stands in a file meanwhile."""
+def file_of(scene: str | os.PathLike[str] | Mapping[str, Any]) -> Iterator[str]:
+    """The path of a scene; one that is given as a dict stands in a file scene.yaml meanwhile."""
     if not isinstance(scene, Mapping):
         yield os.fspath(scene)
         return
-    with tempfile.NamedTemporaryFile("w", prefix="scene-", suffix=".yaml") as file:
-        json.dump(dict(scene), file)
-        file.flush()
-        yield file.name
+    with tempfile.TemporaryDirectory(prefix="viscera-") as folder:
+        path = os.path.join(folder, "scene.yaml")
+        with open(path, "w", encoding="utf-8") as file:
+            json.dump(dict(scene), file)
+        yield path

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping
 from typing import Any
 
-from . import _report, _viscera
+from . import _report, _viscera, file_of
 from ._viscera import TetMesh
 
 
@@ -48,11 +48,8 @@ def report(mesh: TetMesh, scene: str | os.PathLike[str] | Mapping[str, Any], *, 
     if title is not None:
         shown["title"] = title
     _report.check(shown)  # before the simulation takes its time
-    with tempfile.TemporaryDirectory(prefix="viscera-") as name:
+    with tempfile.TemporaryDirectory(prefix="viscera-") as name, file_of(scene) as file:
         folder = pathlib.Path(name)
-        file = pathlib.Path(folder / "scene.yaml" if isinstance(scene, Mapping) else scene)
-        if isinstance(scene, Mapping):
-            file.write_text(json.dumps(dict(scene)), encoding="utf-8")
         _viscera.simulate_in_folder(mesh, file, params, folder)
         _report.report_in_folder({"mesh": folder / "mesh" / "mesh.vtu",
                                   "trajectory": folder / "simulate" / "trajectory.h5"}, shown, folder / "report")
