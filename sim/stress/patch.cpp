@@ -138,24 +138,25 @@ std::vector<int> Neighbours::vertices_of(const std::vector<int>& tets) const {
 }
 
 Strained fitted_to_samples(const Model& model, const Samples& samples, const Neighbours& neighbours,
-                           int vertex, int material) {
+                           int vertex, const std::vector<int>& tets) {
   const Vec3<double>& place = model.rest[vertex];
-  const std::vector<int> tets = neighbours.tets_at({vertex}, material);
   const Fit fit(samples.all, samples_in(samples, tets));
   if (fit.reaches(place)) return fit.at(place);
-  const auto wider = neighbours.tets_at(neighbours.vertices_of(tets), material);
+  const auto wider =
+      neighbours.tets_at(neighbours.vertices_of(tets), model.material_of[tets.front()]);
   const Fit wider_fit(samples.all, samples_in(samples, wider));
   return wider_fit.reaches(place) ? wider_fit.at(place) : fit.mean();
 }
 
 std::optional<Mat3<double>> fitted_gradient(const Model& model, const State& state,
                                             const Neighbours& neighbours, int vertex,
-                                            int material) {
+                                            const std::vector<int>& tets) {
   constexpr int most_rings = 4;
-  std::vector<int> vertices = {vertex};
+  const int material = model.material_of[tets.front()];
+  std::vector<int> vertices = neighbours.vertices_of(tets);
   std::optional<Mat3<double>> of_second_degree;
   for (int ring = 1; ring <= most_rings; ++ring) {
-    vertices = neighbours.vertices_of(neighbours.tets_at(vertices, material));
+    if (ring > 1) vertices = neighbours.vertices_of(neighbours.tets_at(vertices, material));
     if (const auto h = gradient_fitted_to<20>(model, state, vertices, vertex)) return h;
     if (!of_second_degree)
       of_second_degree = gradient_fitted_to<10>(model, state, vertices, vertex);

@@ -23,15 +23,18 @@ class Neighbours {
   std::vector<std::vector<int>> tets_;  // [n] around each vertex
 };
 
-// At a vertex, the linear function that fits best the samples of the material's tets around it,
-// each by its volume; with those around these where they are few, lie in a plane or leave the
-// vertex far outside, and their mean where that does not help.
-Strained fitted_to_samples(const Model& model, const Samples& samples, const Neighbours& neighbours,
-                           int vertex, int material);
+// What follows is of a vertex and `tets`, those of one material around it.
 
-// The gradient of displacement at a vertex, from a polynomial that is fitted to the displacements
-// of vertices around it: of third degree, or of second where they are too few for that.
+// The linear function that fits best the samples of the tets, each by its volume; with those around
+// these where they are few, lie in a plane or leave the vertex far outside, and their mean where
+// that does not help.
+Strained fitted_to_samples(const Model& model, const Samples& samples, const Neighbours& neighbours,
+                           int vertex, const std::vector<int>& tets);
+
+// The gradient of displacement, from a polynomial that is fitted to the displacements of vertices
+// around it: of third degree, or of second where they are too few for that.
 std::optional<Mat3<double>> fitted_gradient(const Model& model, const State& state,
-                                            const Neighbours& neighbours, int vertex, int material);
+                                            const Neighbours& neighbours, int vertex,
+                                            const std::vector<int>& tets);
 
 }  // namespace viscera::sim

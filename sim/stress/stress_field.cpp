@@ -63,12 +63,13 @@ StressField stress_field(const Model& model, const Scene& scene, const State& st
   if (order == 1) surface.emplace(model, scene, state);
   const auto recover = [&](const StressField::Corner& corner) {
     const auto [vertex, material] = corner;
-    const Strained sampled = fitted_to_samples(model, samples, neighbours, vertex, material);
+    const std::vector<int> tets = neighbours.tets_at({vertex}, material);
+    const Strained sampled = fitted_to_samples(model, samples, neighbours, vertex, tets);
     if (order == 2) return sampled;
-    const auto h = fitted_gradient(model, state, neighbours, vertex, material);
+    const auto h = fitted_gradient(model, state, neighbours, vertex, tets);
     Strained fitted = sampled;
     if (h) {
-      fitted = strained(model, scene, neighbours.tets_at({vertex}, material).front(), *h);
+      fitted = strained(model, scene, tets.front(), *h);
       fitted.add_mean_stress(sampled.mean_stress() - fitted.mean_stress());
       fitted.volume_ratio = sampled.volume_ratio;
     }
