@@ -42,19 +42,38 @@ class Norms {
   double mass_ = 0.0;
 };
 
-struct Equilibria {
-  Displacement run, own, linear, quadratic;
-  Displacement smoothed, elsewhere;  // with supports as asked for, and with others
-  double share = 0.0;                // of what these differ by
-  Displacement by_surface, none;     // how much more if the surface were where the labels end
+// A body whose supports end elsewhere, and what whole tets leave of them as a share of how far.
+struct Elsewhere {
+  Displacement u;
+  double share = 0.0;  // g / h
 };
+
+struct Equilibria {
+  Displacement run, own, linear, quadratic, smoothed;
+  std::optional<Elsewhere> wider, narrower;  // neither: supports end where they should
+  double gives_more = 1.0;        // quadratic tets than smoothed elements, of which those two are
+  Displacement by_surface, none;  // how much more if the surface were where labels end
+};
+
+// What a body moves more than with supports that end g farther outside. Of the parabola through
+// supports that end h inside, where they do and k outside; of a straight line where one is missing.
+template <class Distance>
+double support_part(const Equilibria& all, Distance&& distance) {
+  const auto linear = [&](const std::optional<Elsewhere>& other) {
+    return other ? all.gives_more * other->share * distance(all.smoothed, other->u) : 0.0;
+  };
+  const double by_wider = linear(all.wider), by_narrower = linear(all.narrower);
+  if (!all.wider) return by_narrower;
+  if (!all.narrower) return by_wider;
+  const double k = 1.0 / all.wider->share, h = 1.0 / all.narrower->share;  // of g
+  return by_wider + std::max(0.0, by_narrower - by_wider) * std::max(0.0, k - 1.0) / (h + k);
+}
 
 // `distance` of two fields.
 template <class Distance>
 ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
   const double mesh = saturation / (1.0 - saturation) * distance(all.linear, all.quadratic);
-  const double support =
-      all.elsewhere.empty() ? 0.0 : all.share * distance(all.smoothed, all.elsewhere);
+  const double support = support_part(all, distance);
   const double surface = all.by_surface.empty() ? 0.0 : distance(all.by_surface, all.none);
   return {distance(all.run, all.own),
           distance(all.own, all.quadratic),
@@ -64,12 +83,10 @@ ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
           distance(all.run, all.quadratic) + mesh + support + surface};
 }
 
-// A scene whose supports end elsewhere, and by how much what that changes is to be multiplied to be
-// what whole tets leave of them.
+// A scene whose supports end elsewhere, and the share of Elsewhere.
 struct OtherSupports {
   Scene scene;
   double share = 0.0;
-  bool narrower = true;
 };
 
 // What holds a body: supports, and beds of springs.
@@ -85,32 +102,70 @@ bool has_faces(const Model& model, const Spring::Params& bed) {
   }
 }
 
-// About a cell farther inside, where something is left of each, or else farther outside. Nothing
-// where every support ends where it should.
-std::optional<OtherSupports> other_supports(const Model& model, const Scene& scene) {
-  for (const bool narrower : {true, false}) {
-    OtherSupports other{.scene = scene, .narrower = narrower};
-    bool is_left = true;
-    Effects::for_each([&]<class Effect, std::size_t i>() {
-      if constexpr (holds<Effect>) {
-        for (auto& support : std::get<i>(other.scene.effects)) {
-          const BorderGap gap = border_gap(model, support, Effect::name);
-          if (!(gap.mean > noticed * gap.cell)) continue;
-          const double by = narrower ? gap.cell : -gap.cell;
-          const BorderGap there = border_gap(model, support, Effect::name, by);
-          is_left = is_left && there.tets > 0 && there.mean != gap.mean;
-          other.share = std::max(other.share, gap.mean / std::abs(there.mean - gap.mean));
-          static_cast<Selection&>(support) = narrowed(support, by);
-          if constexpr (std::is_same_v<Effect, Spring>)
-            is_left = is_left && has_faces(model, support);
-        }
+// function(support, gap) for every support that ends elsewhere than it should.
+template <class SomeScene, class Function>
+void for_each_short_support(const Model& model, SomeScene& scene, Function&& function) {
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (holds<Effect>) {
+      for (auto& support : std::get<i>(scene.effects)) {
+        const BorderGap gap = border_gap(model, support, Effect::name);
+        if (gap.mean > noticed * gap.cell) function.template operator()<Effect>(support, gap);
       }
+    }
+  });
+}
+
+bool has_short_supports(const Model& model, const Scene& scene) {
+  bool any = false;
+  for_each_short_support(model, scene,
+                         [&any]<class Effect>(const auto&, const BorderGap&) { any = true; });
+  return any;
+}
+
+// With those farther outside by `step(gap)` m, or inside where that is negative. Nothing where one
+// stays as it is for that, or nothing is left of it or of what it holds.
+template <class Step>
+std::optional<OtherSupports> other_supports(const Model& model, const Scene& scene, Step&& step) {
+  OtherSupports other{.scene = scene};
+  bool is_possible = true;
+  for_each_short_support(
+      model, other.scene, [&]<class Effect>(auto& support, const BorderGap& gap) {
+        const double narrower_by = -step(gap);
+        const BorderGap there = border_gap(model, support, Effect::name, narrower_by);
+        is_possible = is_possible && there.tets > 0 && there.mean != gap.mean;
+        other.share = std::max(other.share, gap.mean / std::abs(there.mean - gap.mean));
+        static_cast<Selection&>(support) = narrowed(support, narrower_by);
+        if constexpr (std::is_same_v<Effect, Spring>)
+          is_possible = is_possible && has_faces(model, support);
+      });
+  if (!is_possible) return std::nullopt;
+  return other;
+}
+
+// At rest with supports that are wider, or narrower: by twice what is missing, which takes most of
+// the next vertices along, or by a cell where that changes none, as in a regular mesh. As little as
+// can be, since a narrow support that loses a cell of its width holds another body.
+std::optional<Elsewhere> with_other_supports(const Model& model, const Scene& scene, bool wider,
+                                             const State& smoothed,
+                                             const std::function<void()>& pause_point) {
+  const std::vector<Vec3<double>> none(smoothed.u.size());
+  const State undeformed{none, none, smoothed.step};
+  for (const bool by_cell : {false, true}) {
+    const auto other = other_supports(model, scene, [&](const BorderGap& gap) {
+      const double by = by_cell ? gap.cell : std::min(2.0 * gap.mean, gap.cell);
+      return wider ? by : -by;
     });
-    if (other.share == 0.0) return std::nullopt;
-    if (is_left) return other;
+    if (!other) continue;
+    for (const State& from : {smoothed, undeformed}) {
+      try {
+        const State found =
+            equilibrium(model, other->scene, from, Element::smoothed, enough, pause_point);
+        return Elsewhere{found.u, other->share};
+      } catch (const Diverged&) {  // what is held now and was not before had to jump
+      }
+    }
   }
-  throw Diverged(
-      "what the supports' border costs is not known: nothing lies a cell on either side");
+  return std::nullopt;
 }
 
 }  // namespace
@@ -162,12 +217,14 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
       }
     }
     all.smoothed = smoothed.u;
-    if (const auto other = other_supports(model, scene)) {
-      // What is led now and was not before would have to jump: that begins from the body at rest.
-      const State start = other->narrower ? smoothed : State{none, none, end.step};
-      all.elsewhere =
-          equilibrium(model, other->scene, start, Element::smoothed, enough, pause_point).u;
-      all.share = other->share;
+    if (has_short_supports(model, scene)) {
+      all.wider = with_other_supports(model, scene, true, smoothed, pause_point);
+      all.narrower = with_other_supports(model, scene, false, smoothed, pause_point);
+      if (!all.wider && !all.narrower)
+        throw Diverged(
+            "what the supports' border costs is not known: nothing lies a cell on either side");
+      const Norms norms(model);
+      all.gives_more = std::max(1.0, norms.of(all.quadratic) / norms.of(all.smoothed));
     }
     all.own = own == Element::linear      ? all.linear
               : own == Element::quadratic ? all.quadratic

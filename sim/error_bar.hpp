@@ -17,8 +17,9 @@
 // against the truth on bodies where it is known. |u| is the root mean square over the body's mass.
 //
 // A support's vertices end g inside its border on the average (BorderGap, model/selection.hpp). u_e
-// are smoothed elements, u_f the same with supports that end h farther inside, about a cell: what
-// g leaves is taken for linear in h. Regions of the mesh leave nothing.
+// are smoothed elements, u_f the same with supports that end h farther outside and farther inside,
+// where 2 g were asked for: what g leaves is taken from the parabola through the three, or from a
+// line where finite elements find but one of the two. Regions of the mesh leave nothing.
 //
 // The surface's part is of first order in how far the labels end from it (surface_error.hpp), and
 // of a mesh that was made from labels.
