@@ -20,10 +20,34 @@
 
 namespace viscera::python {
 
+namespace {
+
+// Params of the stage that ask for a file or for what follows a whole run: a Simulation has methods
+// for these.
+void refuse_params_of_files(const Json& params) {
+  const std::vector<std::pair<std::string, std::string>> instead = {
+      {"certify", "call certify() once the body rests"},
+      {"adapt", "use viscera.run with a spec"},
+      {"stress", "read `stress`"},
+      {"stress_frames", "read `stress` frame by frame"},
+      {"formats", "call write() with a name that ends with .inp or .feb"}};
+  for (const auto& [name, remedy] : instead) {
+    if (!params.contains(name) || params.at(name) == false || params.at(name).empty()) continue;
+    throw Error(ExitCode::bad_config, {.where = "Simulation",
+                                       .field = name,
+                                       .found = params.at(name).dump(),
+                                       .allowed = "nothing: a Simulation writes no files",
+                                       .remedy = remedy});
+  }
+}
+
+}  // namespace
+
 Simulation::Simulation(const NamedMesh& mesh, const std::filesystem::path& scene,
                        const Json& params)
     : run_(make_run(simulate_stage().info, {{"mesh", mesh.name}, {"scene", scene}}, params,
                     "Simulation")) {
+  refuse_params_of_files(params);
   translated(run_, [&] {
     setup_ = set_up(run_, mesh.mesh);
     prepare();

@@ -1,8 +1,11 @@
 #include "stages/simulate/setup.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "pipeline/base/log.hpp"
+#include "sim/base/refusal.hpp"
 #include "sim/solvers/fem/quadratic_forces.hpp"
 #include "sim/solvers/time_rule.hpp"
 #include "stages/mesh/tet_checks.hpp"
@@ -50,6 +53,26 @@ void take_stiffness(StageRun& run, const TetMesh& mesh, sim::Model& model) {
             sample.min * 1e-3, sample.max * 1e-3, sample.mean * 1e-3);
   if (without > 0) log::warn("no measured E at {} tets: they have their label's", without);
   model.youngs_modulus = std::move(sample.youngs_modulus);
+}
+
+// A vertex can be led along one displacement: of two, the last one alone would act, from the start.
+void refuse_shared_leads(const sim::Model& model, const sim::Scene& scene) {
+  const auto& leads = scene.params<sim::Prescribed>();
+  std::vector<std::size_t> led_by(model.vertex_count(), leads.size());
+  for (std::size_t k = 0; k < leads.size(); ++k) {
+    std::size_t shared = 0, other = 0;
+    for (const int v : sim::Prescribed::vertices(model, leads[k])) {
+      if (led_by[v] < leads.size()) ++shared, other = led_by[v];
+      led_by[v] = k;
+    }
+    if (shared == 0) continue;
+    throw sim::Refusal(
+        sim::Refusal::Cause::scene, "effects." + sim::name_of<sim::Prescribed>(leads, k),
+        fmt::format("{} vertices that {} leads too", shared,
+                    sim::name_of<sim::Prescribed>(leads, other)),
+        "vertices that nothing else leads",
+        "give them one displacement, and change it by the schedule, or select others");
+  }
 }
 
 }  // namespace
@@ -116,6 +139,7 @@ Setup set_up(StageRun& run, TetMesh mesh) {
   SceneFile file = scene_of(run, run.params().at("change"));
   sim::Model model = body_of(run, file, mesh);
   check_body(mesh, run.input("mesh").string());
+  refuse_shared_leads(model, file.scene);
   take_stiffness(run, mesh, model);
   return {std::move(file), std::move(mesh), std::move(model)};
 }

@@ -81,6 +81,20 @@ TEST_F(EstimateCommand, RoundsThatMayFollowCountForTheMostAndEndWhereNoneIsExpec
   EXPECT_EQ(answer["wall_s"].dump(), "[3.0,8.0]");
 }
 
+TEST_F(EstimateCommand, ARoundKnowsWhatToExpectOfAMeshThatIsThere) {
+  const std::string rounds = "rounds.yaml";
+  work_.write(rounds,
+              "viscera: 1\nvars: {lines: 4}\nstages:\n  alpha: {in: {volume: volume.txt}}\n"
+              "  grow: {in: {volume: volume.txt}}\n  weigh: {}\nadapt: {lines: \"${lines}\"}\n");
+  const Json fresh = of(rounds);  // of 1 and 4 tets
+  ASSERT_EQ(work_.viscera({"run", rounds, "--set", "lines=1"}).exit, 0);
+  const Json known = of(rounds);
+  EXPECT_EQ(known["stages"][1]["state"].get<std::string>(), "done");
+  EXPECT_EQ(known["stages"][2]["state"].get<std::string>(), "to do");
+  ASSERT_EQ(known["stages"].size(), fresh["stages"].size()) << known.dump(1);
+  EXPECT_EQ(known["stages"].back().dump(), fresh["stages"].back().dump());
+}
+
 TEST_F(EstimateCommand, ARefusalIsToldWithItsCodeAndTheOthersAreStillAsked) {
   const CommandResult result = work_.viscera({"estimate", "spec.yaml"}, {"FAKE_alpha=fail"});
   EXPECT_EQ(result.exit, 4);

@@ -49,6 +49,10 @@ TEST_F(Simulate, BadScenesAreRefusedAtTheirLineWithTheFieldNamedAndNothingWritte
        "scene.yaml:8:", "effects.fixed.box_lo: missing"},
       {with(s, "  viscosity:", "  fixed: {label: liver, within: 3 mm}"),
        "scene.yaml:8:", "effects.fixed.within: given without side or near"},
+      {with(s, "  viscosity:",
+            "  prescribed: [{side: superior, displacement: [0 mm, 0 mm, 5 mm]}, "
+            "{side: superior, displacement: [5 mm, 0 mm, 0 mm]}]"),
+       "scene.yaml", "effects.prescribed.2: 16 vertices that prescribed.1 leads too"},
       {with(s, "substeps: 32", "substeps: 0"), "scene.yaml:9:", "time.substeps"},
       {with(s, "liver:", "spleen:"), "scene.yaml", "materials.liver: missing"},
       {with(s, "inverted_max", "inverted"), "scene.yaml", "expect.inverted: no such metric"},

@@ -42,6 +42,10 @@ class Estimates {
     const auto [same, is_new] = by_identity_.try_emplace(identity_of(i));
     if (look_.found.verdicts[i].prospect == Prospect::cached) {
       row.state = "done";
+      // A round after it starts from what it was expected to make.
+      Row unsaid = row;
+      if (is_followed(stage.case_name)) ask(i, unsaid);
+      same->second = expected;
     } else if (is_new) {
       ask(i, row);
       same->second = expected;
@@ -55,6 +59,10 @@ class Estimates {
   ExitCode refusal() const { return refusal_; }
 
  private:
+  bool is_followed(const std::string& case_name) const {
+    return std::ranges::any_of(follows_, [&](const auto& one) { return one.second == case_name; });
+  }
+
   // Whether no further round is expected to be asked for.
   bool is_enough(const PlannedStage& stage) {
     const std::string& before = expected_of(follows_[stage.case_name]);

@@ -1,0 +1,116 @@
+#include "stages/simulate/doubts/doubts.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "sim/measures/compression.hpp"
+#include "sim/measures/overlap.hpp"
+#include "sim/model/surface.hpp"
+#include "stages/simulate/body.hpp"
+
+namespace viscera {
+namespace {
+
+// Of the volume of the body: less is the corner of a support or of an obstacle.
+constexpr double share_worth_a_word = 0.001;
+// Of an obstacle's smallest half width: how deep faces may lie inside.
+constexpr double depth_worth_a_word = 0.2;
+
+void doubt_overlaps(StageRun& run, const sim::Model& model, const sim::Scene& scene,
+                    const Outcome& outcome) {
+  if (outcome.frames.back().now.inverted > 0) return;  // which a gate says
+  const auto found = sim::overlaps(model, outcome.last.u);
+  run.metric("overlapping_vertices", found.size());
+  if (found.empty()) return;
+  const bool is_watched = scene.has<sim::SelfContact>();
+  run.caveat(fmt::format(
+      "At the end {} of the surface's vertices lie inside other tissue: parts or folds of the body "
+      "went through one another{}.",
+      found.size(),
+      is_watched ? " in spite of effects.self_contact; more substeps keep them apart"
+                 : ", which effects.self_contact keeps apart"));
+}
+
+void doubt_compression(StageRun& run, const sim::Model& model, const sim::Scene& scene,
+                       const sim::State& end) {
+  const double share = sim::share_that_gives_way(model, scene, end);
+  run.metric("gives_way_share", share);
+  if (share < share_worth_a_word) return;
+  run.caveat(
+      fmt::format("{:.2g} % of the body is compressed beyond what neo_hookean bears at its nu, and "
+                  "gives way: another mesh may come to another shape there, which no error bar "
+                  "knows; a nu nearer to .5, ogden or mooney_rivlin resist.",
+                  100.0 * share));
+}
+
+// The mean over the edges of the surface's triangles at rest, m.
+double surface_edge(const sim::Model& model) {
+  double sum = 0.0, count = 0.0;
+  for (const auto& face : sim::boundary_faces(model)) {
+    for (int k = 0; k < 3; ++k, ++count)
+      sum += norm(model.rest[face[k]] - model.rest[face[(k + 1) % 3]]);
+  }
+  return sum / count;
+}
+
+// Vertices alone are kept out: an edge of length a between two of them that touch a round obstacle
+// of radius r lies r - sqrt(r^2 - a^2 / 4) inside, and beside a narrower one there is no contact.
+void doubt_narrow_obstacles(StageRun& run, const sim::Model& model, const sim::Scene& scene) {
+  double edge = 0.0;
+  sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (Effect::kind == sim::EffectKind::contact) {
+      const auto& all = std::get<i>(scene.effects);
+      for (std::size_t k = 0; k < all.size(); ++k) {
+        double half = sim::never;
+        if constexpr (requires { all[k].radius; }) half = all[k].radius;
+        if constexpr (requires { all[k].size; })
+          half = 0.5 * std::min({all[k].size.x, all[k].size.y, all[k].size.z});
+        if (!(half < sim::never)) continue;
+        if (edge == 0.0) edge = surface_edge(model);
+        const double depth = half - std::sqrt(std::max(0.0, half * half - 0.25 * edge * edge));
+        if (depth < depth_worth_a_word * half) continue;
+        run.caveat(fmt::format(
+            "effects.{} is {:.2g} mm wide beside edges of {:.2g} mm of the surface, whose vertices "
+            "alone it meets: faces may lie some {:.2g} mm inside, and gaps and forces are not "
+            "those of a finer mesh. Smaller cells mend that.",
+            sim::name_of<Effect>(all, k), 2.0 * m_to_mm * half, m_to_mm * edge, m_to_mm * depth));
+      }
+    }
+  });
+}
+
+void doubt_stress(StageRun& run, const sim::Scene& scene) {
+  if (!scene.has<sim::Prony>()) return;
+  if (!run.param<bool>("stress") && !run.param<bool>("stress_frames")) return;
+  run.caveat(
+      "Stress is that of the elastic law: what the branches of effects.prony carry until they have "
+      "relaxed is not in it.");
+}
+
+// Of what acts on the body: more that the solver lacks of balance says that forces are not known.
+void doubt_forces(StageRun& run, const Outcome& outcome) {
+  constexpr double share_worth = 0.02;
+  const ComputedFrame& last = outcome.frames.back();
+  double largest = 0.0;
+  for (const auto& [force, moment] : last.forces) largest = std::max(largest, norm(force));
+  if (!outcome.rested || !(last.handed_on > share_worth * largest)) return;
+  run.caveat(fmt::format(
+      "At rest the forces lack {:.2g} N of balance, which is handed on to supports and obstacles: "
+      "more substeps make them more exact.",
+      last.handed_on));
+}
+
+}  // namespace
+
+void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file,
+                   const Outcome& outcome) {
+  doubt_overlaps(run, model, file.scene, outcome);
+  doubt_compression(run, model, file.scene, outcome.last);
+  doubt_narrow_obstacles(run, model, file.scene);
+  doubt_stress(run, file.scene);
+  doubt_forces(run, outcome);
+}
+
+}  // namespace viscera

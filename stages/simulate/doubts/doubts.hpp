@@ -1,0 +1,13 @@
+// What may be wrong with a run whose gates pass: sentences with which its report begins.
+#pragma once
+
+#include "stages/program/stage_main.hpp"
+#include "stages/simulate/frame_loop.hpp"
+#include "stages/simulate/scene/scene_file.hpp"
+
+namespace viscera {
+
+void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file,
+                   const Outcome& outcome);
+
+}  // namespace viscera

@@ -1,0 +1,88 @@
+// What a run says of itself where its gates pass and its answer may be wrong.
+#include <gtest/gtest.h>
+
+#include "tests/simulate/simulate_run.hpp"
+
+namespace viscera {
+namespace {
+
+class Doubts : public Simulate {
+ protected:
+  // Whether one of the caveats has these words.
+  bool says(const std::string& words) const {
+    return std::ranges::any_of(manifest().caveats, [&](const std::string& caveat) {
+      return caveat.find(words) != std::string::npos;
+    });
+  }
+};
+
+TEST_F(Doubts, PiecesThatFellThroughOneAnotherAreSaid) {
+  TetMesh mesh = read_vtu(path("mesh.vtu"));
+  const auto points = mesh.points;
+  const auto tets = mesh.tets;
+  for (const auto& p : points) mesh.points.push_back({p[0] + 7.0, p[1] + 5.0, p[2] + 60.0});
+  for (auto tet : tets) {
+    for (int& v : tet) v += static_cast<int>(points.size());
+    mesh.tets.push_back(tet);
+    mesh.labels.push_back(8);
+  }
+  mesh.label_names[8] = "spleen";
+  write_vtu(path("mesh.vtu"), mesh);
+  const std::string two =
+      with(drop_scene, "materials:",
+           "materials:\n  spleen: {E: 5 kPa, nu: 0.45, density: 1060 kg/m3, damping: 20 ms}");
+  ASSERT_EQ(run(two, {"--set", "end=0.4s"}), 0) << errors;
+  EXPECT_GT(metric("overlapping_vertices").get<int>(), 8);
+  EXPECT_TRUE(says("effects.self_contact keeps apart"));
+  ASSERT_EQ(run(with(two, "  viscosity:", "  viscosity:\n  self_contact:"), {"--set", "end=0.4s"}),
+            0)
+      << errors;
+  EXPECT_EQ(metric("overlapping_vertices"), 0);
+  EXPECT_FALSE(says("inside other tissue"));
+}
+
+TEST_F(Doubts, TissueThatIsPressedBeyondWhatItsLawBearsIsSaid) {
+  const auto pressed = [](const std::string& nu, const std::string& by) {
+    const std::string led =
+        "fixed: {side: inferior, within: 1 mm}\n  prescribed: {side: superior, "
+        "within: 1 mm, displacement: [0 mm, 0 mm, -" +
+        by + "], duration: 0.2 s}";
+    return with(with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", led), "0.45", nu);
+  };
+  EXPECT_EQ(run(pressed("0.3", "31 mm")), 5) << "tets are turned over: " << errors;
+  EXPECT_GT(metric("gives_way_share").get<double>(), 0.1);
+  EXPECT_TRUE(says("gives way"));
+  ASSERT_EQ(run(pressed("0.3", "10 mm")), 0) << errors;
+  EXPECT_FALSE(says("gives way"));
+  ASSERT_EQ(run(pressed("0.45", "20 mm")), 0) << errors;
+  EXPECT_FALSE(says("gives way"));
+}
+
+TEST_F(Doubts, AnObstacleNarrowerThanCellsIsSaid) {
+  const auto beside = [](const std::string& obstacle) {
+    return with(drop_scene, "  viscosity:", "  viscosity:\n  " + obstacle);
+  };
+  const char* const words = "whose vertices alone it meets";
+  ASSERT_EQ(run(beside("sphere: {center: [0 mm, 0 mm, 5 mm], radius: 6 mm}")), 0) << errors;
+  EXPECT_TRUE(says(words)) << "edges of 19 mm";
+  EXPECT_TRUE(says("effects.sphere is 12 mm wide"));
+  ASSERT_EQ(run(beside("box: {center: [0 mm, 0 mm, 5 mm], size: [60 mm, 60 mm, 8 mm]}")), 0)
+      << errors;
+  EXPECT_TRUE(says("effects.box is 8 mm wide"));
+  ASSERT_EQ(run(beside("sphere: {center: [0 mm, 0 mm, -25 mm], radius: 40 mm}")), 0) << errors;
+  EXPECT_FALSE(says(words));
+}
+
+TEST_F(Doubts, StressBesideABranchThatRelaxesIsSaidToLackIt) {
+  const std::string relaxing =
+      with(drop_scene, "  viscosity:", "  viscosity:\n  prony: {modulus: 1, time: 0.1 s}");
+  ASSERT_EQ(run(relaxing, {"--set", "end=0.1s", "--set", "stress=true"}), 0) << errors;
+  EXPECT_TRUE(says("effects.prony"));
+  ASSERT_EQ(run(relaxing, {"--set", "end=0.1s"}), 0) << errors;
+  EXPECT_FALSE(says("effects.prony"));
+  ASSERT_EQ(run(drop_scene, {"--set", "end=0.1s", "--set", "stress=true"}), 0) << errors;
+  EXPECT_FALSE(says("effects.prony"));
+}
+
+}  // namespace
+}  // namespace viscera
