@@ -19,6 +19,10 @@ using Displacement = std::vector<Vec3<double>>;  // [n] m
 // Of the sum of all forces: at 1e-8 a liver of 10,000 tets on a plane gives the same four digits.
 constexpr double enough = 1e-5;
 
+// Poisson's ratio: above it linear tets lock the more the nearer it is to .5, and quadratic tets as
+// good as not, so that how far they are apart no longer says how far the latter are off.
+constexpr double locks_from = 0.45;
+
 // Of a cell: how far inside of its border a support ends, beyond rounding.
 constexpr double noticed = 1e-6;
 
@@ -50,6 +54,8 @@ struct Elsewhere {
 
 struct Equilibria {
   Displacement run, own, linear, quadratic, smoothed;
+  Displacement coarse, fine;  // linear and quadratic tets of a body in which neither lock
+  double as_far = 1.0;        // `quadratic` over `fine`
   std::optional<Elsewhere> wider, narrower;  // neither: supports end where they should
   double gives_more = 1.0;        // quadratic tets than smoothed elements, of which those two are
   Displacement by_surface, none;  // how much more if the surface were where labels end
@@ -72,7 +78,7 @@ double support_part(const Equilibria& all, Distance&& distance) {
 // `distance` of two fields.
 template <class Distance>
 ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
-  const double mesh = saturation / (1.0 - saturation) * distance(all.linear, all.quadratic);
+  const double mesh = saturation / (1.0 - saturation) * all.as_far * distance(all.coarse, all.fine);
   const double support = support_part(all, distance);
   const double surface = all.by_surface.empty() ? 0.0 : distance(all.by_surface, all.none);
   return {distance(all.run, all.own),
@@ -81,6 +87,39 @@ ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
           support,
           surface,
           distance(all.run, all.quadratic) + mesh + support + surface};
+}
+
+// With the same shear moduli, and no Poisson's ratio above `locks_from`.
+Model without_locking(Model model) {
+  std::vector<double> softer;
+  for (Material& one : model.materials) {
+    const double nu = std::min(one.poisson_ratio, locks_from);
+    softer.push_back((1.0 + nu) / (1.0 + one.poisson_ratio));
+    one.youngs_modulus *= softer.back(), one.poisson_ratio = nu;
+  }
+  for (std::size_t t = 0; t < model.youngs_modulus.size(); ++t)
+    model.youngs_modulus[t] *= softer[model.material_of[t]];
+  return model;
+}
+
+// What the mesh's part is found from.
+void compare_tets(const Model& model, const Scene& scene, const State& linear,
+                  const State& quadratic, const std::function<void()>& pause_point,
+                  Equilibria& all) {
+  all.coarse = linear.u, all.fine = quadratic.u;
+  if (!(model.largest_poisson_ratio() > locks_from)) return;
+  const Model other = without_locking(model);
+  const auto find = [&](Element element, const State& from) {
+    return equilibrium(other, scene, from, element, enough, pause_point).u;
+  };
+  try {
+    const Displacement fine = find(Element::quadratic, quadratic);
+    all.coarse = find(Element::linear, linear);
+    all.fine = fine;
+    const Norms norms(model);
+    all.as_far = std::max(1.0, norms.of(quadratic.u) / norms.of(fine));
+  } catch (const Diverged&) {  // as if nothing locked, which is more
+  }
 }
 
 // A scene whose supports end elsewhere, and the share of Elsewhere.
@@ -217,6 +256,7 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
       }
     }
     all.smoothed = smoothed.u;
+    compare_tets(model, scene, linear, quadratic, pause_point, all);
     if (has_short_supports(model, scene)) {
       all.wider = with_other_supports(model, scene, true, smoothed, pause_point);
       all.narrower = with_other_supports(model, scene, false, smoothed, pause_point);
@@ -261,7 +301,7 @@ std::optional<std::size_t> tets_for(double aim, const ErrorParts& parts, std::si
   constexpr double least = 1.25, most = 4.0;  // times as many
   constexpr double worth = 1.1;               // the time of another round
   constexpr double margin = 0.9;              // of what is left for the mesh
-  constexpr double met = 1.03;                // a mesh has the number that it is to have within 3 %
+  constexpr double met = 1.1;                 // a mesh has at most a tenth more than it is to have
   const double now = static_cast<double>(tets), cap = static_cast<double>(at_most) / met;
   const double left = aim - parts.solver - parts.support - parts.surface;
   if (!(left > 0.0) || cap < worth * now) return std::nullopt;

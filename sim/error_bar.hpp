@@ -13,8 +13,11 @@
 // The mesh's part rests on the saturation assumption of hierarchical error estimates (Bank and
 // Smith, "A posteriori error estimates based on hierarchical bases", SIAM J. Numer. Anal. 30,
 // 1993): on one mesh quadratic tets have at most the share s of the error e_1 of linear ones, where
-// e_1 is at most |u_1 - u_2| + s e_1. It is an assumption: docs/results/body.md holds totals
-// against the truth on bodies where it is known. |u| is the root mean square over the body's mass.
+// e_1 is at most |u_1 - u_2| + s e_1. Above nu .45, where linear tets lock, u_1 and u_2 are there
+// those of the same shear moduli at .45, and their difference is taken as a share of u_2: from .45
+// to .49 quadratic tets are 1.2 times as far off on livers. It is an assumption:
+// docs/results/body.md holds totals against the truth on bodies where it is known. |u| is the root
+// mean square over the body's mass.
 //
 // A support's vertices end g inside its border on the average (BorderGap, model/selection.hpp). u_e
 // are smoothed elements, u_f the same with supports that end h farther outside and farther inside,

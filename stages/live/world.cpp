@@ -112,7 +112,7 @@ World::World(StageRun run) : run_(std::move(run)) {
     start_ = solver_->state();
     if (run_.has_input("checkpoint")) {
       start_ = read_checkpoint(run_.input("checkpoint"), setup_.model.vertex_count(),
-                               setting_->scene.time);
+                               setting_->scene.time, fingerprint_of(setup_.model));
       check_start(setup_.model, start_);
     }
     start_.step /= setting_->scene.time.substeps;

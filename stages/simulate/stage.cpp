@@ -278,8 +278,8 @@ void simulate(StageRun& run) {
   log::info("{} tets, {} vertices on {}; effects: {}", model.tet_count(), model.vertex_count(),
             solver->device(), fmt::join(effects_on(file.scene), ", "));
   if (run.has_input("checkpoint")) {
-    const sim::State start =
-        read_checkpoint(run.input("checkpoint"), model.vertex_count(), file.scene.time);
+    const sim::State start = read_checkpoint(run.input("checkpoint"), model.vertex_count(),
+                                             file.scene.time, fingerprint_of(model));
     check_start(model, start);
     solver->set_state(start);
   }
@@ -321,7 +321,8 @@ void simulate(StageRun& run) {
     outcome.divergence += ", after " + watch.explain(outcome.last);
   }
   trajectory.finish();
-  write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s());
+  write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s(),
+                   fingerprint_of(model));
   write_metrics(run.out("metrics.csv"), model, probes, gaps, outcome);
   report_outcome(run, model, file, schedule, outcome);
   report_probes(run, model, probes, outcome);
@@ -426,7 +427,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "22",
+           .version = "23",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

@@ -125,6 +125,20 @@ def test_views_are_not_copied_not_written_to_and_outlive_the_step(mesh):
     assert not points.flags.owndata and not points.flags.writeable
 
 
+@pytest.mark.parametrize("param, value", [("certify", True), ("stress", True), ("stress_frames", True),
+                                          ("formats", ["inp"]), ("adapt", {"total": "5 %"})])
+def test_params_that_ask_for_files_are_refused_with_what_does_it_here(mesh, param, value):
+    with pytest.raises(viscera.Error, match=f"{param}.*writes no files"):
+        viscera.Simulation(mesh, falling(), **{param: value})
+
+
+def test_a_run_says_what_its_gates_do_not_see(mesh):
+    narrow = falling(sphere={"center": ["0 mm", "0 mm", "-100 mm"], "radius": "2 mm"})
+    sim = viscera.Simulation(mesh, narrow)
+    sim.run()
+    assert any("effects.sphere is 4 mm wide" in caveat for caveat in sim.caveats)
+
+
 def test_other_threads_run_while_a_simulation_steps(mesh):
     points, tets = cube(8)
     sim = viscera.Simulation(viscera.TetMesh(points, tets, names={1: "liver"}), falling(), threads=1)

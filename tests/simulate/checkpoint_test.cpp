@@ -65,5 +65,16 @@ TEST_F(Checkpoint, VelocitiesThatNoBodyHasEndTheRunAsBadInputOrDiverged) {
   }
 }
 
+TEST_F(Checkpoint, OfAnotherBodyWithAsManyVerticesIsBadInput) {
+  ASSERT_EQ(run(drop_scene, {"--set", "end=0.05s"}), 0) << errors;
+  fs::copy_file(path("out") / "checkpoint.h5", path("checkpoint.h5"));
+  EXPECT_EQ(go_on("fp32"), 0) << errors;
+  TetMesh mesh = read_vtu(path("mesh.vtu"));
+  for (auto& p : mesh.points) p[0] *= 1.01;
+  write_vtu(path("mesh.vtu"), mesh);
+  EXPECT_EQ(go_on("fp32"), 4);
+  EXPECT_NE(errors.find("/body: that of another mesh"), std::string::npos) << errors;
+}
+
 }  // namespace
 }  // namespace viscera

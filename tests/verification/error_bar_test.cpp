@@ -74,8 +74,9 @@ TEST(TetsFor, TakesTheMeshPartsToWhatTheOthersLeaveOfTheAim) {
   EXPECT_NEAR(static_cast<double>(*next), 10000 * std::pow(3.0 / 1.53, 1.5), 1.0);
   EXPECT_EQ(tets_for(3.1e-3, parts, 10000, 100000), 12500u) << "at least a quarter more";
   EXPECT_EQ(tets_for(4e-4, parts, 10000, 1000000), 40000u) << "at most four times as many";
-  EXPECT_NEAR(static_cast<double>(*tets_for(4e-4, parts, 10000, 20600)), 20000, 1.0);
-  EXPECT_FALSE(tets_for(aim, parts, 10000, 10500)) << "hardly more are allowed";
+  EXPECT_NEAR(static_cast<double>(*tets_for(4e-4, parts, 10000, 22000)), 20000, 1.0)
+      << "a mesh may have a tenth more than it is to have";
+  EXPECT_FALSE(tets_for(aim, parts, 10000, 12000)) << "hardly more are allowed";
   EXPECT_FALSE(tets_for(2e-4, parts, 10000, 100000)) << "solver and support alone are as much";
   ErrorParts far = parts;
   far.surface = 5e-4;
@@ -130,6 +131,30 @@ TEST(WantedSizes, AreSmallAtTheEdgesOfASupportAndLargeWhereThereIsNoStress) {
   EXPECT_LT(at_edges / near_edges, 0.8 * at_support / near_support);
   EXPECT_LT(at_edges / near_edges, 0.5 * at_end);
   EXPECT_NEAR(cells, 1.0, 0.3);
+}
+
+// Linear tets lock there and quadratic ones do not, so that their difference says nothing of these.
+TEST(ErrorBar, OfNearlyIncompressibleTissueDoesNotGrowAsLinearTetsLock) {
+  const auto bar_at = [](double poisson_ratio, double& found) {
+    Model model = bar();
+    for (Material& one : model.materials) one.poisson_ratio = poisson_ratio;
+    Scene scene = held_scene(false);
+    const Displacement truth = equilibrium(cut_in_eight(model), scene, 2).u;
+    set_element(scene.effects, Element::smoothed, poisson_ratio);
+    const State end = equilibrium(model, scene, 1);
+    const ErrorBar bar = error_bar(model, scene, end, 1, [] {});
+    EXPECT_EQ(bar.unknown, "");
+    found = off(model, end.u, truth);
+    return bar;
+  };
+  double found = 0.0, at_45 = 0.0;
+  const ErrorBar far = bar_at(0.45, at_45);
+  for (const double poisson_ratio : {0.47, 0.49, 0.495}) {
+    const ErrorBar near = bar_at(poisson_ratio, found);
+    EXPECT_GE(near.displacement.total, found) << poisson_ratio;
+    EXPECT_LE(near.displacement.mesh / near.size, 1.1 * far.displacement.mesh / far.size)
+        << poisson_ratio;
+  }
 }
 
 // Held to where no vertices are, of cells of 10 mm: what that costs is known from cells of 2.5 mm.

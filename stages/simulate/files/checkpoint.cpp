@@ -19,6 +19,7 @@ constexpr const char* duals = "/carried";    // of runs in blocks
 constexpr const char* added_u = "/added_u";  // by the last substep
 constexpr const char* added_v = "/added_v";
 constexpr const char* held = "/held";  // of runs whose elements hold their forces
+constexpr const char* of_body = "/body";
 
 // The first bytes of the file, which HDF5 leaves to us (its user block): the digest of all others.
 constexpr std::size_t seal_bytes = 512;
@@ -73,7 +74,17 @@ std::vector<sim::Vec3<double>> read_vectors(const Handle& file, const fs::path& 
 
 }  // namespace
 
-void write_checkpoint(const fs::path& path, const sim::State& state, double substep_s) {
+double fingerprint_of(const sim::Model& model) {
+  const auto bytes_of = [](const auto& values) {
+    return std::string_view(reinterpret_cast<const char*>(values.data()),
+                            values.size() * sizeof(values[0]));
+  };
+  const std::string digest = sha256(std::string(bytes_of(model.rest)).append(bytes_of(model.tets)));
+  return static_cast<double>(std::stoull(digest.substr(0, 13), nullptr, 16));  // 52 bits
+}
+
+void write_checkpoint(const fs::path& path, const sim::State& state, double substep_s,
+                      std::optional<double> body) {
   const QuietHdf5 quiet;
   static_assert(sizeof(sim::Vec3<double>) == 3 * sizeof(double));
   Handle file = create_hdf5(path, seal_bytes);
@@ -91,11 +102,13 @@ void write_checkpoint(const fs::path& path, const sim::State& state, double subs
   if (!state.held.empty()) write_reals(file, path, held, {state.held.size()}, state.held.data());
   write_dataset(file, path, "/step", H5T_STD_U64LE, H5T_NATIVE_UINT64, {1}, &state.step);
   write_reals(file, path, "/substep", {1}, &substep_s);
+  if (body) write_reals(file, path, of_body, {1}, &*body);
   if (!file.reset()) throw write_error(path, "file");
   seal(path);
 }
 
-sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim::TimeGrid& time) {
+sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim::TimeGrid& time,
+                           std::optional<double> body) {
   const QuietHdf5 quiet;
   check_seal(path);
   const Handle file = open_hdf5(path);
@@ -103,6 +116,11 @@ sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim
   if (substep != time.substep_s()) {
     throw read_error(path, "/substep", fmt::format("{} s", substep),
                      fmt::format("{} s, the scene's", time.substep_s()));
+  }
+  if (body && H5Lexists(file.id(), of_body, H5P_DEFAULT) > 0 &&
+      read_reals(file, path, of_body, {1})[0] != *body) {
+    throw read_error(path, of_body, "that of another mesh with as many vertices",
+                     "a checkpoint of a run on this mesh");
   }
   sim::State state{read_vectors(file, path, "/u", vertices),
                    read_vectors(file, path, "/v", vertices)};
