@@ -209,7 +209,7 @@ std::optional<Elsewhere> with_other_supports(const Model& model, const Scene& sc
 
 }  // namespace
 
-bool rests_on_friction_alone(const Model& model, const Scene& scene) {
+Friction friction_in(const Model& model, const Scene& scene) {
   bool is_held = std::ranges::count(model.fixed, 1) > 0, rubs = false;
   Effects::for_each([&]<class Effect, std::size_t i>() {
     const auto& all = std::get<i>(scene.effects);
@@ -218,7 +218,8 @@ bool rests_on_friction_alone(const Model& model, const Scene& scene) {
       for (const auto& params : all) rubs |= params.friction > 0.0;
     }
   });
-  return rubs && !is_held;
+  if (!rubs) return Friction::none;
+  return is_held ? Friction::beside_supports : Friction::alone;
 }
 
 ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int order,

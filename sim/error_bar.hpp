@@ -68,9 +68,10 @@ struct ErrorBar {
   double share() const { return size > 0.0 ? displacement.total / size : 0.0; }
 };
 
-// Whether nothing but friction holds a body in its place, which then follows from its way there, as
-// no error bar does.
-bool rests_on_friction_alone(const Model& model, const Scene& scene);
+// What friction has to do with where a body comes to rest, which then follows from its way there,
+// as no error bar does.
+enum class Friction { none, beside_supports, alone };
+Friction friction_in(const Model& model, const Scene& scene);
 
 // Of a body that rests in `end` under the elements `order` (1: the scene's, linear or smoothed; 2:
 // quadratic tets). `missing` is [tets] m3, what the labels have beyond the surface at each tet

@@ -131,7 +131,7 @@ void Simulation::tell(const Outcome& outcome) {
   if (outcome.divergence.empty()) {
     apply_gates(told, body(), setup_.file, outcome);
   } else {
-    report_divergence(told, body(), outcome);
+    report_divergence(told, body(), scene(), outcome);
   }
   said_ = said_by(simulate_stage().info, told);
 }

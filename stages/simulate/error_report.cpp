@@ -205,11 +205,13 @@ void report_error_bar(StageRun& run, const TetMesh& mesh, const sim::Model& mode
   run.metric("error_bar_unknown", is_known ? Json() : Json(bar.unknown));
   if (is_known) {
     report_parts(run, model, asked, bar);
-    if (sim::rests_on_friction_alone(model, file.scene) && outcome.frames.back().contacts > 0) {
-      run.caveat(
-          "Nothing but friction holds the body in its place: that follows from its way there, and "
-          "other substeps or another mesh may leave it elsewhere. The error bar is that of the "
-          "equilibrium near this place.");
+    const sim::Friction friction = sim::friction_in(model, file.scene);
+    if (friction != sim::Friction::none && outcome.frames.back().contacts > 0) {
+      run.caveat(fmt::format(
+          "{} friction holds the body in its place: that follows from its way there, and other "
+          "substeps or another mesh may leave it elsewhere. The error bar is that of the "
+          "equilibrium near this place.",
+          friction == sim::Friction::alone ? "Nothing but" : "Beside its supports"));
     }
   } else {
     log::warn("how far the body is off is not known: {}", bar.unknown);

@@ -281,15 +281,18 @@ void report_gaps(StageRun& run, const std::vector<sim::GapProbe>& gaps, const Ou
   run.metric("gap_least", least, "mm");
 }
 
-void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome) {
+void report_divergence(StageRun& run, const sim::Model& model, const sim::Scene& scene,
+                       const Outcome& outcome) {
   std::string tets;
   for (const auto& [j, tet] : sim::smallest_j(model, outcome.last, 5)) {
     tets += fmt::format("{}{} (J {:.3g})", tets.empty() ? "" : ", ", tet, j);
   }
   run.set_diverged(fmt::format(
       "diverged after frame {} (t {:.4f} s) with {}; tets with the smallest J there: {}\n"
-      "  remedy:  more substeps, stability: substeps, or a mesh without slivers",
-      outcome.frames.back().index, outcome.frames.back().time_s, outcome.divergence, tets));
+      "  remedy:  more substeps, {}, or a mesh without slivers",
+      outcome.frames.back().index, outcome.frames.back().time_s, outcome.divergence, tets,
+      scene.stability == sim::StabilityPolicy::substeps ? "damping and the effect viscosity"
+                                                        : "stability: substeps"));
 }
 
 }  // namespace viscera

@@ -26,6 +26,7 @@ void report_probes(StageRun& run, const sim::Model& model, const std::vector<sim
 // How wide gaps are at the end, and the least that they were.
 void report_gaps(StageRun& run, const std::vector<sim::GapProbe>& gaps, const Outcome& outcome);
 
-void report_divergence(StageRun& run, const sim::Model& model, const Outcome& outcome);
+void report_divergence(StageRun& run, const sim::Model& model, const sim::Scene& scene,
+                       const Outcome& outcome);
 
 }  // namespace viscera

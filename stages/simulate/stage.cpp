@@ -336,7 +336,7 @@ void simulate(StageRun& run) {
   if (run.param<bool>("certify") || run.has_param("adapt"))
     report_error_bar(run, mesh, model, file, probes, gaps, outcome, options);
   if (!outcome.divergence.empty()) {
-    report_divergence(run, model, outcome);
+    report_divergence(run, model, file.scene, outcome);
   } else {
     apply_gates(run, model, file, outcome);
     log::info("{}", ending(outcome));

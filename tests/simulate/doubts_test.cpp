@@ -73,6 +73,18 @@ TEST_F(Doubts, AnObstacleNarrowerThanCellsIsSaid) {
   EXPECT_FALSE(says(words));
 }
 
+TEST_F(Doubts, ABodyWhoseMeshIsInMetresIsSaid) {
+  TetMesh mesh = read_vtu(path("mesh.vtu"));
+  for (auto& p : mesh.points) {
+    for (double& x : p) x *= 1e-3;
+  }
+  write_vtu(path("mesh.vtu"), mesh);
+  const std::string still =
+      with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {label: liver}");
+  ASSERT_EQ(run(still, {"--set", "end=0.1s"}), 0) << errors;
+  EXPECT_TRUE(says("lengths of a mesh are taken as millimetres"));
+}
+
 TEST_F(Doubts, StressBesideABranchThatRelaxesIsSaidToLackIt) {
   const std::string relaxing =
       with(drop_scene, "  viscosity:", "  viscosity:\n  prony: {modulus: 1, time: 0.1 s}");

@@ -216,11 +216,11 @@ TEST(ErrorBar, SaysWhereNothingButFrictionHoldsABody) {
   const Model model = bar();
   Scene scene = held_scene(true);
   scene.params<Ground>().emplace_back();
-  EXPECT_FALSE(rests_on_friction_alone(model, scene)) << "its end face is held";
+  EXPECT_EQ(friction_in(model, scene), Friction::beside_supports) << "its end face is held";
   scene.params<Fixed>().clear();
-  EXPECT_TRUE(rests_on_friction_alone(model, scene));
+  EXPECT_EQ(friction_in(model, scene), Friction::alone);
   scene.params<Ground>().front().friction = 0.0;
-  EXPECT_FALSE(rests_on_friction_alone(model, scene));
+  EXPECT_EQ(friction_in(model, scene), Friction::none);
 }
 
 // Fewer vertices than a cell's: what is there beyond is looked at instead.

@@ -102,10 +102,20 @@ void doubt_forces(StageRun& run, const Outcome& outcome) {
       last.handed_on));
 }
 
+// A mesh whose lengths were no millimetres.
+void doubt_size(StageRun& run, const sim::Model& model) {
+  constexpr double smallest = 1e-3, largest = 3.0;  // m
+  const double size = model.size();
+  if (size >= smallest && size <= largest) return;
+  run.caveat(fmt::format(
+      "The body is {:.3g} mm across: lengths of a mesh are taken as millimetres.", m_to_mm * size));
+}
+
 }  // namespace
 
 void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file,
                    const Outcome& outcome) {
+  doubt_size(run, model);
   doubt_overlaps(run, model, file.scene, outcome);
   doubt_compression(run, model, file.scene, outcome.last);
   doubt_narrow_obstacles(run, model, file.scene);
