@@ -23,6 +23,9 @@ constexpr double enough = 1e-5;
 // good as not, so that how far they are apart no longer says how far the latter are off.
 constexpr double locks_from = 0.45;
 
+// Of what two fields differ by: what lies along one of them.
+constexpr double most_of_it = 0.5;
+
 // Of a cell: how far inside of its border a support ends, beyond rounding.
 constexpr double noticed = 1e-6;
 
@@ -33,6 +36,12 @@ class Norms {
   }
 
   double of(const Displacement& u) const { return between(u, Displacement(u.size())); }
+  // Of a - b along b.
+  double along(const Displacement& a, const Displacement& b) const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < a.size(); ++i) sum += model_.mass[i] * dot(a[i] - b[i], b[i]);
+    return sum / (mass_ * of(b));
+  }
   double between(const Displacement& a, const Displacement& b) const {
     double sum = 0.0;
     for (std::size_t i = 0; i < a.size(); ++i) {
@@ -54,8 +63,9 @@ struct Elsewhere {
 
 struct Equilibria {
   Displacement run, own, linear, quadratic, smoothed;
-  Displacement coarse, fine;  // linear and quadratic tets of a body in which neither lock
-  double as_far = 1.0;        // `quadratic` over `fine`
+  Displacement coarse, fine;   // linear and quadratic tets of a body in which neither locks
+  double as_far = 1.0;         // `quadratic` over `fine`
+  bool moves_farther = false;  // than quadratic tets: elements that do not lock, which these do
   std::optional<Elsewhere> wider, narrower;  // neither: supports end where they should
   double gives_more = 1.0;        // quadratic tets than smoothed elements, of which those two are
   Displacement by_surface, none;  // how much more if the surface were where labels end
@@ -75,6 +85,14 @@ double support_part(const Equilibria& all, Distance&& distance) {
   return by_wider + std::max(0.0, by_narrower - by_wider) * std::max(0.0, k - 1.0) / (h + k);
 }
 
+// What elements and mesh are off together. Under forces quadratic tets move too little. What moves
+// less than they do lacks what they lack as well. What moves farther has the truth between itself
+// and them, or is nearer to it than they are.
+double off_by(const Equilibria& all, double from_quadratic, double mesh) {
+  if (all.moves_farther) return std::max(from_quadratic, mesh - from_quadratic);
+  return from_quadratic + mesh;
+}
+
 // `distance` of two fields.
 template <class Distance>
 ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
@@ -86,7 +104,7 @@ ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
           mesh,
           support,
           surface,
-          distance(all.run, all.quadratic) + mesh + support + surface};
+          off_by(all, distance(all.run, all.quadratic), mesh) + support + surface};
 }
 
 // With the same shear moduli, and no Poisson's ratio above `locks_from`.
@@ -102,12 +120,13 @@ Model without_locking(Model model) {
   return model;
 }
 
-// What the mesh's part is found from.
-void compare_tets(const Model& model, const Scene& scene, const State& linear,
+// What the mesh's part is found from: smoothed elements do not lock, linear tets do, and quadratic
+// ones a little.
+void compare_tets(const Model& model, const Scene& scene, bool own_lock, const State& linear,
                   const State& quadratic, const std::function<void()>& pause_point,
                   Equilibria& all) {
   all.coarse = linear.u, all.fine = quadratic.u;
-  if (!(model.largest_poisson_ratio() > locks_from)) return;
+  if (own_lock) return;
   const Model other = without_locking(model);
   const auto find = [&](Element element, const State& from) {
     return equilibrium(other, scene, from, element, enough, pause_point).u;
@@ -231,6 +250,7 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     bar.unknown = "quadratic tets know neo_hookean, mooney_rivlin and ogden alone";
     return bar;
   }
+  const bool own_lock = own != Element::smoothed || !(model.largest_poisson_ratio() > locks_from);
   const Displacement none(end.u.size());
   Equilibria all{.run = end.u, .none = none};
   try {
@@ -257,7 +277,7 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
       }
     }
     all.smoothed = smoothed.u;
-    compare_tets(model, scene, linear, quadratic, pause_point, all);
+    compare_tets(model, scene, own_lock, linear, quadratic, pause_point, all);
     if (has_short_supports(model, scene)) {
       all.wider = with_other_supports(model, scene, true, smoothed, pause_point);
       all.narrower = with_other_supports(model, scene, false, smoothed, pause_point);
@@ -283,6 +303,8 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     bar.unknown = "to finite elements nothing holds the body where the run left it";
     return bar;
   }
+  all.moves_farther = !own_lock && norms.along(all.run, all.quadratic) >
+                                       most_of_it * norms.between(all.run, all.quadratic);
   bar.displacement = parts_of(
       all, [&norms](const Displacement& a, const Displacement& b) { return norms.between(a, b); });
   bar.size = norms.of(all.quadratic);
@@ -306,7 +328,8 @@ std::optional<std::size_t> tets_for(double aim, const ErrorParts& parts, std::si
   const double now = static_cast<double>(tets), cap = static_cast<double>(at_most) / met;
   const double left = aim - parts.solver - parts.support - parts.surface;
   if (!(left > 0.0) || cap < worth * now) return std::nullopt;
-  const double wanted = now * std::pow((parts.element + parts.mesh) / (margin * left), 1.5);
+  const double lowered = parts.total - parts.solver - parts.support - parts.surface;
+  const double wanted = now * std::pow(lowered / (margin * left), 1.5);
   return static_cast<std::size_t>(std::min(std::clamp(wanted, least * now, most * now), cap));
 }
 

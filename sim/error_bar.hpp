@@ -8,16 +8,18 @@
 //   mesh     s / (1 - s) |u_1 - u_2|    what quadratic tets are off themselves
 //   support  g / h |u_e - u_f|   what whole tets leave of a support that is no region of the mesh
 //   surface  |du|             du: how u_2 moves with the surface where the labels end
-//   total    |u - u_2| + mesh + support + surface
+//   total    |u - u_2| + mesh + support + surface, but max(|u - u_2|, mesh - |u - u_2|) for the
+//            first two of smoothed elements above nu .45 that move farther than quadratic tets:
+//            these move too little under forces, so that the truth lies between or beyond
 //
 // The mesh's part rests on the saturation assumption of hierarchical error estimates (Bank and
 // Smith, "A posteriori error estimates based on hierarchical bases", SIAM J. Numer. Anal. 30,
 // 1993): on one mesh quadratic tets have at most the share s of the error e_1 of linear ones, where
-// e_1 is at most |u_1 - u_2| + s e_1. Above nu .45, where linear tets lock, u_1 and u_2 are there
-// those of the same shear moduli at .45, and their difference is taken as a share of u_2: from .45
-// to .49 quadratic tets are 1.2 times as far off on livers. It is an assumption:
-// docs/results/body.md holds totals against the truth on bodies where it is known. |u| is the root
-// mean square over the body's mass.
+// e_1 is at most |u_1 - u_2| + s e_1. Of smoothed elements above nu .45, where linear tets
+// lock, u_1 and u_2 are there those of the same shear moduli at .45, and their difference is taken
+// as a share of u_2: from .45 to .49 quadratic tets are 1.2 to 1.6 times as far off on livers. It
+// is an assumption: docs/results/body.md holds totals against the truth on bodies where it is
+// known. |u| is the root mean square over the body's mass.
 //
 // A support's vertices end g inside its border on the average (BorderGap, model/selection.hpp). u_e
 // are smoothed elements, u_f the same with supports that end h farther outside and farther inside,
@@ -27,8 +29,8 @@
 // The surface's part is of first order in how far the labels end from it (surface_error.hpp), and
 // of a mesh that was made from labels.
 //
-// What it does not know: how far the labels are from the patient, materials and loads; and where on
-// an obstacle friction stops a body that nothing else holds.
+// What it does not know: how far the labels are from the patient, materials and loads; and where
+// friction stops a body.
 #pragma once
 
 #include <functional>
