@@ -15,7 +15,7 @@ Tensor6 tensor6(const Mat3<double>& m);
 std::array<double, 3> principal_values(const Tensor6& tensor);  // the largest first
 
 struct Strained {
-  Tensor6 cauchy{};           // Pa, without viscosity and the branches of prony
+  Tensor6 cauchy{};           // Pa, without viscosity
   Tensor6 green{};            // (F^T F - I) / 2
   double volume_ratio = 0.0;  // det F
 

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "sim/base/parallel.hpp"
+#include "sim/stress/branches.hpp"
 #include "sim/stress/patch.hpp"
 #include "sim/stress/samples.hpp"
 #include "sim/stress/traction.hpp"
@@ -18,6 +19,20 @@ std::vector<Strained> means_of(const Model& model, const Samples& samples) {
       tets[t].add(volume / model.volume[t], samples.all[sample].value);
   }
   return tets;
+}
+
+void add(const Tensor6& more, Tensor6& stress, double share = 1.0) {
+  for (std::size_t k = 0; k < stress.size(); ++k) stress[k] += share * more[k];
+}
+
+// Of those tets, by volume.
+Tensor6 mean_of(const std::vector<Tensor6>& stresses, const Model& model,
+                const std::vector<int>& tets) {
+  Tensor6 mean{};
+  double volume = 0.0;
+  for (const int t : tets) volume += model.volume[t];
+  for (const int t : tets) add(stresses[t], mean, model.volume[t] / volume);
+  return mean;
 }
 
 // The corners of a body, and of each tet which of them are its own.
@@ -50,7 +65,11 @@ bool has_stress(const Scene& scene) {
 
 std::vector<Strained> strained_tets(const Model& model, const Scene& scene, const State& state,
                                     int order) {
-  return means_of(model, samples_of(model, scene, state, order));
+  std::vector<Strained> tets = means_of(model, samples_of(model, scene, state, order));
+  const auto branches = branch_stresses(model, scene, state);
+  for (std::size_t t = 0; branches && t < branches->size(); ++t)
+    add((*branches)[t], tets[t].cauchy);
+  return tets;
 }
 
 StressField stress_field(const Model& model, const Scene& scene, const State& state, int order) {
@@ -76,8 +95,19 @@ StressField stress_field(const Model& model, const Scene& scene, const State& st
     surface->fit(vertex, fitted);
     return fitted;
   };
+  // What branches carry comes after the fit to the surface, which is one of the elastic forces.
+  const auto branches = branch_stresses(model, scene, state);
+  const bool has_branches = branches && !branches->empty();
+  for (std::size_t t = 0; has_branches && t < field.tets.size(); ++t)
+    add((*branches)[t], field.tets[t].cauchy);
   parallel_ranges(field.corners.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t c = begin; c < end; ++c) field.recovered[c] = recover(field.corners[c]);
+    for (std::size_t c = begin; c < end; ++c) {
+      const auto& [vertex, material] = field.corners[c];
+      field.recovered[c] = recover(field.corners[c]);
+      if (has_branches)
+        add(mean_of(*branches, model, neighbours.tets_at({vertex}, material)),
+            field.recovered[c].cauchy);
+    }
   });
   return field;
 }

@@ -5,6 +5,7 @@
 
 #include "sim/base/von_mises.hpp"
 #include "sim/element_choice.hpp"
+#include "sim/measures/forces.hpp"
 #include "sim/solvers/fem/mesh.hpp"
 #include "tests/sim/shapes.hpp"
 
@@ -184,6 +185,65 @@ TEST(StressField, OfAFallingBodyIsNone) {
   for (const Strained& corner : stress_field(model, scene, falling, 1).recovered) {
     for (const double stress : corner.cauchy) EXPECT_NEAR(stress, 0.0, 1e-6);
   }
+}
+
+// A body that is sheared and stretched at once, of two branches that have not begun to relax, have
+// by half, and have.
+TEST(StressField, HasWhatBranchesCarryUntilTheyHaveRelaxed) {
+  const Model model = make_cube(2);
+  Scene scene = scene_of(Element::smoothed), elastic = scene;
+  scene.params<Prony>() = {{.modulus = 0.7, .time = 1.0}, {.modulus = 1.1, .time = 9.0}};
+  const Mat3<double> f{{{1.2, 0.1, 0.0}, {0.3, 0.9, 0.0}, {0.0, -0.2, 1.1}}};
+  State state = displaced(model, [&](const Vec3<double>& x) { return f * x - x; });
+  const Strained alone = stress_field(model, elastic, state, 1).tets.front();
+  Mat3<double> green = 0.5 * plus_identity(-1.0, transpose(f) * f);
+  const double mean = (green.col[0].x + green.col[1].y + green.col[2].z) / 3.0;
+  green = plus_identity(-mean, green);
+  double rows[6];
+  strain_rows(green_strain(plus_identity(-1.0, f)), rows);
+  for (const double left : {1.0, 0.5, 0.0}) {
+    state.history.clear();
+    for (std::size_t n = 0; n < 2 * model.tet_count(); ++n) {
+      for (int k = 1; k < 6; ++k) state.history.push_back((1.0 - left) * rows[k]);
+    }
+    Strained exact = alone;
+    const double modulus = 2.0 * lame(soft_tissue).mu * (0.7 + 1.1) * left / det(f);
+    const Tensor6 carried = tensor6(modulus * (f * green * transpose(f)));
+    for (int k = 0; k < 6; ++k) exact.cauchy[k] += carried[k];
+    expect_everywhere(stress_field(model, scene, state, 1), exact, lame(soft_tissue).mu);
+    EXPECT_NEAR(strained_tets(model, scene, state, 1)[0].cauchy[3], exact.cauchy[3], 1e-6);
+  }
+  state.history.clear();
+  expect_everywhere(stress_field(model, scene, state, 1), alone, lame(soft_tissue).mu);
+}
+
+// Pulled and held, the mean stress along is what the clamp holds: the integral of sigma_zz over the
+// volume is force times height (virtual work of a stretch).
+TEST(StressField, OfABranchThatWasPulledHoldsWhatTheClampHolds) {
+  const Model model = make_cube(3);
+  Scene scene = elastic_scene();
+  scene.params<Prony>().push_back({.modulus = 2.0, .time = 1e3});
+  scene.params<Viscosity>().emplace_back();
+  scene.params<Fixed>().emplace_back().side = "inferior";
+  auto& pull = scene.params<Prescribed>().emplace_back();
+  pull.side = "superior", pull.displacement = {0.0, 0.0, 0.01}, pull.duration = 0.1;
+  for (auto* held :
+       {static_cast<Selection*>(&scene.params<Fixed>()[0]), static_cast<Selection*>(&pull)})
+    held->within = 1e-6;
+  const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp64});
+  for (int frame = 0; frame < 60; ++frame) solver->advance_frame();
+  const State state = solver->state();
+  const auto forces = element_forces(model, scene, state);
+  double clamp = 0.0, lo = 1.0, hi = -1.0, sum = 0.0;
+  for (const auto& x : model.rest) lo = std::min(lo, x.z), hi = std::max(hi, x.z);
+  for (std::size_t v = 0; v < forces.size(); ++v) {
+    if (model.rest[v].z > hi - 1e-9) clamp -= forces[v].z;
+  }
+  const auto tets = strained_tets(model, scene, state, 1);
+  for (std::size_t t = 0; t < tets.size(); ++t)
+    sum += model.volume[t] * tets[t].volume_ratio * tets[t].cauchy[2];
+  EXPECT_GT(clamp, 0.0);
+  EXPECT_NEAR(sum, clamp * (hi - lo + 0.01), 0.01 * sum);
 }
 
 TEST(StressField, NeedsALawWithAnEnergy) {

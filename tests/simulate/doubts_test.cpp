@@ -85,14 +85,16 @@ TEST_F(Doubts, ABodyWhoseMeshIsInMetresIsSaid) {
   EXPECT_TRUE(says("lengths of a mesh are taken as millimetres"));
 }
 
-TEST_F(Doubts, StressBesideABranchThatRelaxesIsSaidToLackIt) {
+TEST_F(Doubts, StressByFrameBesideABranchThatRelaxesIsSaidToLackIt) {
   const std::string relaxing =
       with(drop_scene, "  viscosity:", "  viscosity:\n  prony: {modulus: 1, time: 0.1 s}");
+  ASSERT_EQ(run(relaxing, {"--set", "end=0.1s", "--set", "stress_frames=true"}), 0) << errors;
+  EXPECT_TRUE(says("Stress by frame is that of the elastic law"));
   ASSERT_EQ(run(relaxing, {"--set", "end=0.1s", "--set", "stress=true"}), 0) << errors;
-  EXPECT_TRUE(says("effects.prony"));
+  EXPECT_FALSE(says("effects.prony")) << "it is in it";
   ASSERT_EQ(run(relaxing, {"--set", "end=0.1s"}), 0) << errors;
   EXPECT_FALSE(says("effects.prony"));
-  ASSERT_EQ(run(drop_scene, {"--set", "end=0.1s", "--set", "stress=true"}), 0) << errors;
+  ASSERT_EQ(run(drop_scene, {"--set", "end=0.1s", "--set", "stress_frames=true"}), 0) << errors;
   EXPECT_FALSE(says("effects.prony"));
 }
 

@@ -70,7 +70,7 @@ class Simulation(_viscera.Simulation):
 
     displacements, velocities: [n, 3] views of the state, m and m/s, not copied and not writable;
         they stay as they are when the simulation goes on. positions: [n, 3], LPS mm.
-    stress: [tets, 3, 3] Cauchy stress of now without viscosity and the branches of prony, Pa. forces: [n, 3] what materials,
+    stress: [tets, 3, 3] Cauchy stress of now without viscosity, Pa. forces: [n, 3] what materials,
         springs, pressures and loads do to each vertex now, N, without what depends on velocities.
     motion_on_device(): displacements and velocities on a CUDA device, [n, 3] m and m/s, where the solver has them: each a
         DeviceArray for torch.from_dlpack, cupy.from_dlpack or warp.array, of float32 unless precision="fp64". They are

@@ -8,6 +8,7 @@
 #include "sim/measures/compression.hpp"
 #include "sim/measures/overlap.hpp"
 #include "sim/model/surface.hpp"
+#include "sim/stress/branches.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera {
@@ -81,12 +82,16 @@ void doubt_narrow_obstacles(StageRun& run, const sim::Model& model, const sim::S
   });
 }
 
-void doubt_stress(StageRun& run, const sim::Scene& scene) {
+// Of frames nothing is kept that tells what branches carry.
+void doubt_stress(StageRun& run, const sim::Model& model, const sim::Scene& scene,
+                  const sim::State& end) {
   if (!scene.has<sim::Prony>()) return;
-  if (!run.param<bool>("stress") && !run.param<bool>("stress_frames")) return;
+  const bool is_known = sim::branch_stresses(model, scene, end).has_value();
+  if (!run.param<bool>("stress_frames") && (is_known || !run.param<bool>("stress"))) return;
   run.caveat(
-      "Stress is that of the elastic law: what the branches of effects.prony carry until they have "
-      "relaxed is not in it.");
+      fmt::format("{} that of the elastic law: what the branches of effects.prony carry until they "
+                  "have relaxed is not in it.",
+                  is_known ? "Stress by frame is" : "Stress is"));
 }
 
 // Of what acts on the body: more that the solver lacks of balance says that forces are not known.
@@ -119,7 +124,7 @@ void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file
   doubt_overlaps(run, model, file.scene, outcome);
   doubt_compression(run, model, file.scene, outcome.last);
   doubt_narrow_obstacles(run, model, file.scene);
-  doubt_stress(run, file.scene);
+  doubt_stress(run, model, file.scene, outcome.last);
   doubt_forces(run, outcome);
 }
 
