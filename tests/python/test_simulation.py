@@ -128,8 +128,13 @@ def test_views_are_not_copied_not_written_to_and_outlive_the_step(mesh):
 @pytest.mark.parametrize("param, value", [("certify", True), ("stress", True), ("stress_frames", True),
                                           ("formats", ["inp"]), ("adapt", {"total": "5 %"})])
 def test_params_that_ask_for_files_are_refused_with_what_does_it_here(mesh, param, value):
-    with pytest.raises(viscera.Error, match=f"{param}.*writes no files"):
+    with pytest.raises(viscera.Error, match=f"(?s){param}.*writes no files"):
         viscera.Simulation(mesh, falling(), **{param: value})
+
+
+def test_a_simulation_that_could_not_be_made_is_shown_without_a_crash():
+    """As a debugger or pytest shows it where its making was refused."""
+    assert repr(viscera.Simulation.__new__(viscera.Simulation)) == "<viscera.Simulation, not made>"
 
 
 def test_a_run_says_what_its_gates_do_not_see(mesh):

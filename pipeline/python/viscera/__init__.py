@@ -81,11 +81,14 @@ class Simulation(_viscera.Simulation):
         raised them. device, scheme: what it runs on, and how. state_hash: as in metrics.csv.
     """
 
+    _is_made = False  # tracebacks show objects whose making was refused, too
+
     def __init__(self, mesh: TetMesh, scene: str | os.PathLike[str] | Mapping[str, Any], **params: Any) -> None:
         self.mesh = mesh
         self.certified: dict[str, Any] | None = None
         with file_of(scene) as file:
             super().__init__(mesh, file, params)
+        self._is_made = True
 
     def step(self, frames: int = 1) -> None:
         """Goes on by whole frames."""
@@ -154,6 +157,8 @@ class Simulation(_viscera.Simulation):
         super().write(file)
 
     def __repr__(self) -> str:
+        if not self._is_made:
+            return "<viscera.Simulation, not made>"
         return f"<viscera.Simulation: t {self.time:.3f} s, {self.device}>"
 
     def to_vtk(self) -> Any:
