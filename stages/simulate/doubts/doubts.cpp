@@ -30,7 +30,7 @@ void doubt_overlaps(StageRun& run, const sim::Model& model, const sim::Scene& sc
       "At the end {} of the surface's vertices lie inside other tissue: parts or folds of the body "
       "went through one another{}.",
       found.size(),
-      is_watched ? " in spite of effects.self_contact; more substeps keep them apart"
+      is_watched ? " in spite of effects.self_contact"
                  : ", which effects.self_contact keeps apart"));
 }
 
@@ -102,8 +102,7 @@ void doubt_forces(StageRun& run, const Outcome& outcome) {
   for (const auto& [force, moment] : last.forces) largest = std::max(largest, norm(force));
   if (!outcome.rested || !(last.handed_on > share_worth * largest)) return;
   run.caveat(fmt::format(
-      "At rest the forces lack {:.2g} N of balance, which is handed on to supports and obstacles: "
-      "more substeps make them more exact.",
+      "At rest the forces lack {:.2g} N of balance, which is handed on to supports and obstacles.",
       last.handed_on));
 }
 
