@@ -19,10 +19,6 @@ using Displacement = std::vector<Vec3<double>>;  // [n] m
 // Of the sum of all forces: at 1e-8 a liver of 10,000 tets on a plane gives the same four digits.
 constexpr double enough = 1e-5;
 
-// Poisson's ratio: above it linear tets lock the more the nearer it is to .5, and quadratic tets as
-// good as not, so that how far they are apart no longer says how far the latter are off.
-constexpr double locks_from = 0.45;
-
 // Of what two fields differ by: what lies along one of them.
 constexpr double most_of_it = 0.5;
 
@@ -107,11 +103,13 @@ ErrorParts parts_of(const Equilibria& all, Distance&& distance) {
           off_by(all, distance(all.run, all.quadratic), mesh) + support + surface};
 }
 
-// With the same shear moduli, and no Poisson's ratio above `locks_from`.
+// With the same shear moduli, and no Poisson's ratio above that from which groups of tets keep
+// smoothed elements from locking: linear tets lock the more, the nearer it is to .5, and quadratic
+// ones as good as not, so that how far they are apart no longer says how far the latter are off.
 Model without_locking(Model model) {
   std::vector<double> softer;
   for (Material& one : model.materials) {
-    const double nu = std::min(one.poisson_ratio, locks_from);
+    const double nu = std::min(one.poisson_ratio, groups_above_nu);
     softer.push_back((1.0 + nu) / (1.0 + one.poisson_ratio));
     one.youngs_modulus *= softer.back(), one.poisson_ratio = nu;
   }
@@ -123,8 +121,8 @@ Model without_locking(Model model) {
 // What the mesh's part is found from: smoothed elements do not lock, linear tets do, and quadratic
 // ones a little.
 void compare_tets(const Model& model, const Scene& scene, bool own_lock, const State& linear,
-                  const State& quadratic, const std::function<void()>& pause_point,
-                  Equilibria& all) {
+                  const State& quadratic, const Norms& norms,
+                  const std::function<void()>& pause_point, Equilibria& all) {
   all.coarse = linear.u, all.fine = quadratic.u;
   if (own_lock) return;
   const Model other = without_locking(model);
@@ -135,7 +133,6 @@ void compare_tets(const Model& model, const Scene& scene, bool own_lock, const S
     const Displacement fine = find(Element::quadratic, quadratic);
     all.coarse = find(Element::linear, linear);
     all.fine = fine;
-    const Norms norms(model);
     all.as_far = std::max(1.0, norms.of(quadratic.u) / norms.of(fine));
   } catch (const Diverged&) {  // as if nothing locked, which is more
   }
@@ -250,7 +247,9 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
     bar.unknown = "quadratic tets know neo_hookean, mooney_rivlin and ogden alone";
     return bar;
   }
-  const bool own_lock = own != Element::smoothed || !(model.largest_poisson_ratio() > locks_from);
+  const bool own_lock =
+      own != Element::smoothed || !(model.largest_poisson_ratio() > groups_above_nu);
+  const Norms norms(model);
   const Displacement none(end.u.size());
   Equilibria all{.run = end.u, .none = none};
   try {
@@ -277,14 +276,13 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
       }
     }
     all.smoothed = smoothed.u;
-    compare_tets(model, scene, own_lock, linear, quadratic, pause_point, all);
+    compare_tets(model, scene, own_lock, linear, quadratic, norms, pause_point, all);
     if (has_short_supports(model, scene)) {
       all.wider = with_other_supports(model, scene, true, smoothed, pause_point);
       all.narrower = with_other_supports(model, scene, false, smoothed, pause_point);
       if (!all.wider && !all.narrower)
         throw Diverged(
             "what the supports' border costs is not known: nothing lies a cell on either side");
-      const Norms norms(model);
       all.gives_more = std::max(1.0, norms.of(all.quadratic) / norms.of(all.smoothed));
     }
     all.own = own == Element::linear      ? all.linear
@@ -298,7 +296,6 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
         refusal.field + ", " + refusal.found + ": finite elements take " + refusal.allowed;
     return bar;
   }
-  const Norms norms(model);
   if (!(norms.between(all.own, end.u) < model.size())) {
     bar.unknown = "to finite elements nothing holds the body where the run left it";
     return bar;

@@ -29,11 +29,13 @@ double stretch_that_gives_way(const Material& material) {
 
 double share_that_gives_way(const Model& model, const Scene& scene, const State& state) {
   if (!scene.has<NeoHookean>() && !scene.has<SmoothedNeoHookean>()) return 0.0;
+  std::vector<double> least;  // of each material
+  for (const Material& one : model.materials) least.push_back(stretch_that_gives_way(one));
   double volume = 0.0, all = 0.0;
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     all += model.volume[t];
     const Mat3<double> f = plus_identity(1.0, gradient_of(model, state, t));
-    if (!is_stretched_to(stretch_that_gives_way(model.material(t)), f)) volume += model.volume[t];
+    if (!is_stretched_to(least[model.material_of[t]], f)) volume += model.volume[t];
   }
   return volume / all;
 }

@@ -79,11 +79,12 @@ std::vector<int> tets_around(const Model& model, std::vector<int> vertices,
 
 std::vector<Overlap> overlaps(const Model& model, const std::vector<Vec3<double>>& u) {
   std::vector<Vec3<double>> at = model.rest;
-  const std::vector<int> vertices = surface_vertices(model);
-  const std::vector<int> before = tets_around(model, vertices, at);
   for (std::size_t v = 0; v < at.size(); ++v) at[v] += u[v];
+  const std::vector<int> vertices = surface_vertices(model);
   const std::vector<int> now = tets_around(model, vertices, at);
   std::vector<Overlap> all;
+  if (std::ranges::max(now) < 0) return all;  // as nearly always
+  const std::vector<int> before = tets_around(model, vertices, model.rest);
   for (const int v : vertices) {
     if (now[v] >= 0 && before[v] < 0) all.push_back({v, now[v]});
   }

@@ -1,16 +1,13 @@
 #include "sim/stress/branches.hpp"
 
+#include "sim/measures/gap.hpp"
 #include "sim/scene/elasticity.hpp"
 
 namespace viscera::sim {
 namespace {
 
-bool has_contacts(const Scene& scene) {
-  bool found = false;
-  Effects::for_each([&]<class Effect, std::size_t i>() {
-    if constexpr (Effect::kind == EffectKind::contact) found |= !std::get<i>(scene.effects).empty();
-  });
-  return found;
+std::size_t numbers_of(const Model& model, const std::vector<Prony::Params>& branches) {
+  return branches.size() * model.tet_count() * Prony::history;
 }
 
 // The matrix of these coordinates (effects/laws/hookean.hpp); the first one is 0.
@@ -28,14 +25,17 @@ Mat3<double> deviator_of(const double (&row)[6]) {
 
 }  // namespace
 
-std::optional<std::vector<Tensor6>> branch_stresses(const Model& model, const Scene& scene,
-                                                    const State& state) {
+bool tells_branches(const Model& model, const Scene& scene, const State& state) {
+  const std::size_t all = numbers_of(model, scene.params<Prony>());
+  return state.history.size() == all || (state.history.size() > all && obstacles_of(scene).empty());
+}
+
+std::vector<Tensor6> branch_stresses(const Model& model, const Scene& scene, const State& state) {
   const auto& branches = scene.params<Prony>();
-  if (branches.empty()) return std::vector<Tensor6>();
-  const std::size_t own = model.tet_count() * Prony::history, all = branches.size() * own;
-  if (state.history.size() < all) return std::nullopt;
-  if (state.history.size() > all && has_contacts(scene)) return std::nullopt;
-  const double* const viscous = state.history.data() + (state.history.size() - all);
+  if (branches.empty() || !tells_branches(model, scene, state)) return {};
+  const std::size_t own = model.tet_count() * Prony::history;
+  const double* const viscous =
+      state.history.data() + (state.history.size() - numbers_of(model, branches));
   std::vector<Tensor6> stresses(model.tet_count());
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     const Mat3<double> h = gradient_of(model, state, t), f = plus_identity(1.0, h);

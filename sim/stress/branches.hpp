@@ -2,7 +2,6 @@
 // E_v) of each tet's own strain, and sigma = F S F^T / J.
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "sim/model/model.hpp"
@@ -12,10 +11,11 @@
 
 namespace viscera::sim {
 
-// [m] Pa, or empty where the scene has no branch. Nothing where the state does not tell E_v, as
-// that of a frame read from a file, or might mean something else, as of finite elements beside
-// obstacles.
-std::optional<std::vector<Tensor6>> branch_stresses(const Model& model, const Scene& scene,
-                                                    const State& state);
+// Whether the state tells E_v: that of a frame read from a file does not, and that of finite
+// elements beside obstacles might mean something else.
+bool tells_branches(const Model& model, const Scene& scene, const State& state);
+
+// [m] Pa, or empty where the scene has no branch or the state does not tell them.
+std::vector<Tensor6> branch_stresses(const Model& model, const Scene& scene, const State& state);
 
 }  // namespace viscera::sim

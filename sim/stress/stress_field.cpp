@@ -25,6 +25,10 @@ void add(const Tensor6& more, Tensor6& stress, double share = 1.0) {
   for (std::size_t k = 0; k < stress.size(); ++k) stress[k] += share * more[k];
 }
 
+void add_branches(const std::vector<Tensor6>& branches, std::vector<Strained>& tets) {
+  for (std::size_t t = 0; t < branches.size(); ++t) add(branches[t], tets[t].cauchy);
+}
+
 // Of those tets, by volume.
 Tensor6 mean_of(const std::vector<Tensor6>& stresses, const Model& model,
                 const std::vector<int>& tets) {
@@ -66,9 +70,7 @@ bool has_stress(const Scene& scene) {
 std::vector<Strained> strained_tets(const Model& model, const Scene& scene, const State& state,
                                     int order) {
   std::vector<Strained> tets = means_of(model, samples_of(model, scene, state, order));
-  const auto branches = branch_stresses(model, scene, state);
-  for (std::size_t t = 0; branches && t < branches->size(); ++t)
-    add((*branches)[t], tets[t].cauchy);
+  add_branches(branch_stresses(model, scene, state), tets);
   return tets;
 }
 
@@ -97,16 +99,14 @@ StressField stress_field(const Model& model, const Scene& scene, const State& st
   };
   // What branches carry comes after the fit to the surface, which is one of the elastic forces.
   const auto branches = branch_stresses(model, scene, state);
-  const bool has_branches = branches && !branches->empty();
-  for (std::size_t t = 0; has_branches && t < field.tets.size(); ++t)
-    add((*branches)[t], field.tets[t].cauchy);
+  add_branches(branches, field.tets);
   parallel_ranges(field.corners.size(), [&](std::size_t begin, std::size_t end) {
     for (std::size_t c = begin; c < end; ++c) {
       const auto& [vertex, material] = field.corners[c];
       field.recovered[c] = recover(field.corners[c]);
-      if (has_branches)
-        add(mean_of(*branches, model, neighbours.tets_at({vertex}, material)),
-            field.recovered[c].cauchy);
+      if (branches.empty()) continue;
+      add(mean_of(branches, model, neighbours.tets_at({vertex}, material)),
+          field.recovered[c].cauchy);
     }
   });
   return field;

@@ -86,7 +86,7 @@ void doubt_narrow_obstacles(StageRun& run, const sim::Model& model, const sim::S
 void doubt_stress(StageRun& run, const sim::Model& model, const sim::Scene& scene,
                   const sim::State& end) {
   if (!scene.has<sim::Prony>()) return;
-  const bool is_known = sim::branch_stresses(model, scene, end).has_value();
+  const bool is_known = sim::tells_branches(model, scene, end);
   if (!run.param<bool>("stress_frames") && (is_known || !run.param<bool>("stress"))) return;
   run.caveat(
       fmt::format("{} that of the elastic law: what the branches of effects.prony carry until they "
