@@ -1,5 +1,5 @@
-// Block Gauss-Seidel on a CUDA device: what the kernel of a frame (cuda/block_kernel.cuh) is given,
-// where it lies on the device, and how states enter and leave.
+// Block Gauss-Seidel on a CUDA device: what the kernel of a frame (cuda/block_kernel.cuh) is
+// given, how states enter and leave, and how frames are run.
 #include <cuda_runtime.h>
 
 #include <algorithm>
@@ -7,6 +7,7 @@
 
 #include "sim/backend/cuda/block_bound.cuh"
 #include "sim/backend/cuda/block_kernel.cuh"
+#include "sim/backend/cuda/block_setup.cuh"
 #include "sim/backend/cuda/blocks.hpp"
 #include "sim/backend/cuda/device_elements.cuh"
 #include "sim/backend/cuda/memory.cuh"
@@ -24,15 +25,8 @@ static_assert(can_stop<Collider<Sphere>, double> && is_rate_force<Viscosity> &&
 
 namespace {
 
-constexpr int min_block = 150;         // tets: smaller blocks cost accuracy and are no faster
-constexpr std::size_t alignment = 16;  // of arrays in shared memory, bytes
+constexpr int min_block = 150;     // tets: smaller blocks cost accuracy and are no faster
 constexpr int max_wanted = 12000;  // tets: the vertices of larger ones leave no room for the work
-
-int attribute(cudaDeviceAttr which) {
-  int value = 0;
-  check(cudaDeviceGetAttribute(&value, which, 0), "asking what the device has");
-  return value;
-}
 
 template <class Effect, class T, EffectKind kind = Effect::kind>
 struct Own {};
@@ -78,16 +72,17 @@ class CudaBlocks final : public Ensemble {
     frame_.blocks = layout_.block_count();
     frame_.team = layout_.team().lanes;
     frame_.single_block = layout_.team().single_block;
-    place_vertices();
+    constants_.emplace(layout_, program_);
+    constants_->hand_to(frame_);
+    make_state();
     bound_.emplace(std::move(bounded), layout_, program_, members_, u_.get(), v_.get(),
                    added_.get());
     for (int member = 0; member < members_; ++member) bound_->set_model(member, model);
     frame_.bound = bound_->view();
     place_effects(assess(model, scene).cs_max);
-    share_out_memory();
+    launch_.emplace(named_in(program_), layout_.team().linearizes, own_, frame_);
     make_views();
-    ask_for_the_device();
-    graph_ = Graph(stream_, [this] { enqueue_frame(); });
+    graph_ = Graph(stream_, [this] { launch_->enqueue(frame_, members_, stream_); });
     if (!bound_->is_empty()) {
       u_before_ = DeviceArray<Vec3<T>>(u_.size());
       v_before_ = DeviceArray<Vec3<T>>(v_.size());
@@ -203,8 +198,9 @@ class CudaBlocks final : public Ensemble {
     SubstepWork work{
         .shared_bytes = 2.0 * vector * (local_count() + static_cast<double>(dual_count())) +
                         3.0 * row * replica_count(),
-        .global_bytes = 2.0 * parts() * sizeof(Message<T>) * static_cast<double>(gather_.size()) +
-                        2.0 * sizeof(Added<T>) * local_count()};
+        .global_bytes =
+            2.0 * parts() * sizeof(Message<T>) * static_cast<double>(constants_->gathered()) +
+            2.0 * sizeof(Added<T>) * local_count()};
     for_each_slot<EffectKind::element>(own_, [&]<class Effect>(const auto& own) {
       using Resident = ResidentConstants<Effect, T>;
       const double count = static_cast<double>(own.element_of.size());
@@ -256,32 +252,9 @@ class CudaBlocks final : public Ensemble {
     return shared + members_ * own;
   }
 
-  void place_vertices() {
-    const LocalConstants<T> constants = layout_.constants(program_);
-    std::vector<int> local_begin = {0}, replica_begin, replicated, shared_end, gather_begin = {0},
-                     gather, first_local;
-    for (int v = 0; v < vertex_count(); ++v) first_local.push_back(layout_.locals_of(v)[0]);
-    first_local_ = DeviceArray<int>(first_local);
-    u_by_vertex_ = DeviceArray<Vec3<T>>(first_local.size());
-    v_by_vertex_ = DeviceArray<Vec3<T>>(first_local.size());
-    for (const LocalVertex& local : layout_.locals()) {
-      const auto& all = layout_.locals_of(local.vertex);
-      if (all.size() > 1) gather.insert(gather.end(), all.begin(), all.end());
-      gather_begin.push_back(static_cast<int>(gather.size()));
-    }
-    const auto raise = [](int& most, int by) { most = std::max(most, by); };
-    for (int block = 0; block < layout_.block_count(); ++block) {
-      const Range locals = layout_.locals_in(block), replicas_here = layout_.replicas_in(block);
-      local_begin.push_back(locals.end);
-      replica_begin.push_back(replicas_here.begin);
-      shared_end.push_back(layout_.shared_in(block).end);
-      raise(frame_.max_locals, locals.end - locals.begin);
-      raise(frame_.max_shared, shared_end.back() - locals.begin);
-      raise(frame_.max_replicas, replicas_here.end - replicas_here.begin);
-      replicated.push_back(layout_.replicated_in(block).end - replicas_here.begin);
-      raise(frame_.max_duals, replicated.back());
-      raise(frame_.max_gathered, gather_begin[locals.end] - gather_begin[locals.begin]);
-    }
+  void make_state() {
+    u_by_vertex_ = DeviceArray<Vec3<T>>(vertex_count());
+    v_by_vertex_ = DeviceArray<Vec3<T>>(vertex_count());
     const std::size_t all = static_cast<std::size_t>(members_) * local_count();
     frame_.u = (u_ = DeviceArray<Vec3<T>>(all)).get();
     frame_.v = (v_ = DeviceArray<Vec3<T>>(all)).get();
@@ -290,22 +263,10 @@ class CudaBlocks final : public Ensemble {
     for (int member = 0; member < members_; ++member) begin_still(member);
     frame_.all_replicas = replica_count();
     frame_.duals = (duals_ = DeviceArray<Vec3<T>>(members_ * dual_count())).get();
-    frame_.replica_begin = (replica_begin_ = DeviceArray<int>(replica_begin)).get();
-    frame_.replicated = (replicated_ = DeviceArray<int>(replicated)).get();
     frame_.messages = (messages_ = DeviceArray<Message<T>>(2 * parts() * all)).get();
     frame_.ahead = (ahead_ = DeviceArray<unsigned long long>(members_)).get();
     chosen_.assign(members_, 1);
     frame_.runs = (runs_ = DeviceArray<unsigned char>(chosen_)).get();
-    frame_.rest = (rest_ = DeviceArray<Vec3<T>>(constants.rest)).get();
-    frame_.inverse_mass = (inverse_mass_ = DeviceArray<T>(constants.inverse_mass)).get();
-    frame_.mobility = (mobility_ = DeviceArray<T>(constants.mobility)).get();
-    frame_.share = (share_ = DeviceArray<T>(constants.share)).get();
-    frame_.leader = (leader_ = DeviceArray<int>(constants.leader)).get();
-    frame_.replicas = (replicas_ = DeviceArray<ReplicaRange>(constants.replicas)).get();
-    frame_.local_begin = (local_begin_ = DeviceArray<int>(local_begin)).get();
-    frame_.shared_end = (shared_end_ = DeviceArray<int>(shared_end)).get();
-    frame_.gather_begin = (gather_begin_ = DeviceArray<int>(gather_begin)).get();
-    frame_.gather = (gather_ = DeviceArray<int>(gather)).get();
   }
 
   // At rest, with what its own loads would have added: program_ is the member's.
@@ -351,43 +312,6 @@ class CudaBlocks final : public Ensemble {
     frame_.touching = touching_.get();
   }
 
-  // A block's shared memory: its vertices and tables; what one effect after the other works in; and
-  // behind it, where all of them fit, the constants of the elements.
-  void share_out_memory() {
-    const bool linearizes = layout_.team().linearizes;
-    std::size_t linearized = 0, constants = 0;
-    int items = 0;  // to be worked on side by side
-    for_each_slot<EffectKind::element>(own_, [&]<class Effect>(const auto& own) {
-      using Resident = ResidentConstants<Effect, T>;
-      const std::size_t most = own.max_elements;
-      linearized = std::max(linearized, linearizes ? most * work_of_element<Effect, T> : 0);
-      constants += round_up(most * Resident::bytes, alignment);
-      if (is_linearizable<Effect>) items = std::max(items, own.max_elements);
-    });
-    const std::size_t all = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin);
-    const std::size_t half = attribute(cudaDevAttrMaxSharedMemoryPerMultiprocessor) / 2 -
-                             attribute(cudaDevAttrReservedSharedMemoryPerBlock);
-    const std::size_t before = BlockMemory<T>::bytes(frame_);
-    const bool resident = before + linearized + constants <= (frame_.single_block ? half : all);
-    frame_.linearizes = linearizes && resident;
-    shared_bytes_ = before + (resident ? linearized + constants : 0);
-    require_room(shared_bytes_, all);
-    if (resident) {
-      std::size_t at = linearized;
-      for_each_slot<EffectKind::element>(own_, [&]<class Effect>(auto& own) {
-        own.resident = static_cast<int>(at);
-        at += round_up(own.max_elements * ResidentConstants<Effect, T>::bytes, alignment);
-      });
-    }
-    const EffectSet named = named_in(program_);
-    const bool narrow = frame_.single_block || !has_several_widths<T>(named);
-    const int most = narrow ? min_width : max_width;
-    // Vertices are worked on side by side as well, and groups of tets are fewer than these.
-    items = frame_.linearizes ? std::max(items, frame_.max_locals) : frame_.max_locals;
-    threads_ = std::max(frame_.team, threads_for(items, frame_.max_shared, most));
-    kernel_ = kernel_for<T>(named, threads_, frame_.single_block);
-  }
-
   void make_views() {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       auto& views = std::get<i>(host_views_);
@@ -402,22 +326,6 @@ class CudaBlocks final : public Ensemble {
       }
     });
     upload_views();
-  }
-
-  void ask_for_the_device() {
-    // The kernel's limit is one for all solvers that run it: it is raised as far as it goes, or a
-    // smaller one made later would take this one's room.
-    cudaFuncAttributes kernel{};
-    check(cudaFuncGetAttributes(&kernel, kernel_), "looking at a kernel");
-    const int most = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin) -
-                     static_cast<int>(kernel.sharedSizeBytes);
-    check(cudaFuncSetAttribute(kernel_, cudaFuncAttributeMaxDynamicSharedMemorySize, most),
-          "asking for shared memory");
-    int a_processor = 0;
-    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, kernel_, threads_,
-                                                        shared_bytes_),
-          "asking for the blocks that run at once");
-    at_once_ = std::max(1, a_processor * attribute(cudaDevAttrMultiProcessorCount) / frame_.blocks);
   }
 
   // In one launch, and in one a substep those members for which the bound on compression needs all
@@ -513,19 +421,6 @@ class CudaBlocks final : public Ensemble {
     messages_.clear(first * each, members * each);
   }
 
-  // Blocks of a member wait for one another, so all of them run at once: as many members at a time
-  // as the device holds.
-  void enqueue_frame() {
-    void* arguments[] = {&frame_};
-    for (int first = 0; first < members_; first += at_once_) {
-      frame_.first_member = first;
-      const int blocks = frame_.blocks * std::min(at_once_, members_ - first);
-      check(cudaLaunchCooperativeKernel(kernel_, dim3(blocks), dim3(threads_), arguments,
-                                        shared_bytes_, stream_),
-            "launching a frame");
-    }
-  }
-
   void upload_views() {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       auto& array = static_cast<ArrayOf<Effect>&>(views_).array;
@@ -534,19 +429,11 @@ class CudaBlocks final : public Ensemble {
     });
   }
 
-  static void require_room(std::size_t bytes, std::size_t most) {
-    if (bytes <= most) return;
-    throw Refusal(Refusal::Cause::device, "block_tets",
-                  "a block needs " + std::to_string(bytes >> 10) + " KiB",
-                  "at most " + std::to_string(most >> 10) + " KiB, the device's shared memory",
-                  "use a smaller block_tets, a coarser mesh or scheme: gauss_seidel");
-  }
-
   // u and v of a member by vertex, on the device.
   void gather_vertices(int member) const {
     const std::size_t begin = static_cast<std::size_t>(member) * local_count();
     const int blocks = (vertex_count() + gather_threads - 1) / gather_threads;
-    gather_motion<<<blocks, gather_threads, 0, stream_>>>(vertex_count(), first_local_.get(),
+    gather_motion<<<blocks, gather_threads, 0, stream_>>>(vertex_count(), constants_->first_local(),
                                                           u_.get() + begin, v_.get() + begin,
                                                           u_by_vertex_.get(), v_by_vertex_.get());
     check(cudaGetLastError(), "gathering vertices");
@@ -577,25 +464,20 @@ class CudaBlocks final : public Ensemble {
   std::string name_;
   SolverOptions options_;
   int members_;
-  int at_once_ = 0;     // members
   Program<T> program_;  // of the member that was tuned last
   BlockLayout layout_;
   Frame<T> frame_{};
-  void (*kernel_)(Frame<T>) = nullptr;
-  int threads_ = 0;
+  std::optional<BlockConstants<T>> constants_;
+  std::optional<BlockLaunch<T>> launch_;
   Stream stream_;
   Graph graph_;
   std::uint64_t step_ = 0;
-  std::size_t shared_bytes_ = 0;
   Effects::Slots<OwnOf> own_;
   Effects::Slots<View> host_views_;
   Effects::Joined<ArrayOf> views_;
-  DeviceArray<Vec3<T>> u_, v_, duals_, rest_;
+  DeviceArray<Vec3<T>> u_, v_, duals_;
   DeviceArray<Added<T>> added_;
-  DeviceArray<T> inverse_mass_, mobility_, share_;
-  DeviceArray<ReplicaRange> replicas_;
-  DeviceArray<int> rate_passes_, leader_, local_begin_, replica_begin_, replicated_, shared_end_,
-      gather_begin_, gather_;
+  DeviceArray<int> rate_passes_;
   DeviceArray<Message<T>> messages_;
   DeviceArray<unsigned char> touching_;
   DeviceArray<unsigned long long> ahead_;
@@ -603,7 +485,6 @@ class CudaBlocks final : public Ensemble {
   Members chosen_;     // for launches
   DeviceArray<unsigned char> runs_;
   std::optional<CudaBlockBound<T>> bound_;
-  DeviceArray<int> first_local_;                    // [vertices]
   DeviceArray<Vec3<T>> u_by_vertex_, v_by_vertex_;  // of a member, when it was looked at
   // At the start of the frame.
   DeviceArray<Vec3<T>> u_before_, v_before_, duals_before_;
@@ -616,7 +497,7 @@ std::unique_ptr<Ensemble> make_cuda_blocks(const Model& model, const Scene& scen
                                            const SolverOptions& options, int members,
                                            const std::string& name) {
   // All blocks of a member run at once, one a multiprocessor, and those of all members if they can.
-  const int processors = attribute(cudaDevAttrMultiProcessorCount);
+  const int processors = device_attribute(cudaDevAttrMultiProcessorCount);
   const auto tets_in_each_of = [&model](int blocks) {
     return (static_cast<int>(model.tet_count()) + blocks - 1) / blocks;
   };
