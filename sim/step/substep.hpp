@@ -26,6 +26,8 @@ namespace viscera::sim {
 //                                       them that the scene names, in the registry's order
 //   sweeps_rate_forces(), sweep_rate_forces()
 //   holds_forces(), held(), added(), renewed()
+//   apply_loads()                       element effects that are no constraints, where forces are
+//                                       held: elsewhere solve_elements has them
 //   iterations(), solve_elements(i)     element and region effects, by the method's arithmetic and
 //                                       in the scheme's order
 //   push(effect), rub(effect)           of self-contact
@@ -73,7 +75,11 @@ void substep(Executor& on) {
   });
 
   // d += g^2 M^-1 p
-  if (on.holds_forces()) on.for_each_vertex(ApplyHeldForces<T>{on.held(), on.added()});
+  if (on.holds_forces()) {
+    on.for_each_vertex(ApplyHeldForces<T>{on.held()});
+    on.apply_loads();  // none of them holds anything: what they add is not what a sweep adds
+    on.for_each_vertex(KeepBeforeSweep<T>{on.added()});
+  }
   for (int i = 0; i < on.iterations(); ++i) on.solve_elements(i);
   if (on.holds_forces()) {
     on.for_each_vertex(RenewHeldForces<T>{on.renewed(), on.held(), on.added()});

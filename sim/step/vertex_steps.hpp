@@ -106,18 +106,24 @@ struct Stop {
   }
 };
 
-// Where forces are held (solvers/xpbd/held_forces.hpp): those that the elements hold, before a
-// sweep, which adds to them; and after it what it has added.
+// Where forces are held (solvers/xpbd/held_forces.hpp): those that the elements hold; what d is
+// before a sweep, which adds to them; and after it what it has added.
 template <class T>
 struct ApplyHeldForces {
   const Vec3<T>* held;  // [n] m over the substep
-  Vec3<T>* added;       // [n] likewise
 
   template <class Vertices>
   SIM_HD void operator()(const Vertices& x, int i) const {
-    if (!x.is_free(i)) return;
-    x.d(i) += held[i];
-    added[i] = x.d(i);
+    if (x.is_free(i)) x.d(i) += held[i];
+  }
+};
+template <class T>
+struct KeepBeforeSweep {
+  Vec3<T>* before;  // [n] m over the substep
+
+  template <class Vertices>
+  SIM_HD void operator()(const Vertices& x, int i) const {
+    if (x.is_free(i)) before[i] = x.d(i);
   }
 };
 template <class T>

@@ -246,6 +246,20 @@ class CpuSubstep {
   Vec3<T>* added() { return body_.added.data(); }
   T renewed() const { return body_.constants.renewed; }
 
+  void apply_loads() {
+    took(CpuBody<T>::step_part);
+    body_.team.barrier();
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (Effect::kind == EffectKind::element && !is_rate_force<Effect> &&
+                    !is_constraint<Effect>) {
+        for (auto& own : std::get<i>(body_.own)) {
+          sweep_colors(own, sweep_of<Effect>(Arithmetic::xpbd_only));
+          took(i);
+        }
+      }
+    });
+  }
+
   int iterations() const { return body_.options.iterations; }
   // Forces (rows = 0) act once a substep.
   void solve_elements(int iteration) {
@@ -257,7 +271,7 @@ class CpuSubstep {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       if constexpr (Effect::kind == EffectKind::element && !is_rate_force<Effect>) {
         for (auto& own : std::get<i>(body_.own)) {
-          if (!is_constraint<Effect> && iteration > 0) continue;
+          if (!is_constraint<Effect> && (iteration > 0 || holds_forces())) continue;
           if (own.in_blocks()) continue;
           const Sweep<T> sweep = sweep_of<Effect>(arithmetic);
           own.gathers() ? gather_impulses(own, sweep) : sweep_colors(own, sweep);

@@ -306,6 +306,11 @@ class CudaSolver final : public Solver {
     Vec3<T>* added() const { return s_.added_.get(); }
     T renewed() const { return s_.constants_.renewed; }
 
+    void apply_loads() const {
+      for_each_effect<EffectKind::element>(
+          [&]<class Effect>(const auto& effect) { apply_load(effect); });
+    }
+
     int iterations() const { return s_.options_.iterations; }
     // Forces (rows = 0) act once a substep.
     void solve_elements(int iteration) const {
@@ -318,8 +323,8 @@ class CudaSolver final : public Solver {
           } else if constexpr (Effect::kind == EffectKind::element) {
             if constexpr (is_constraint<Effect>) {
               s_.template enqueue_sweep_by<Effect>(own, arithmetic, acts_);
-            } else if (!is_rate_force<Effect> && iteration == 0) {
-              s_.template enqueue_sweep<Effect, Arithmetic::xpbd_only>(own, acts_);
+            } else if (iteration == 0 && !holds_forces()) {
+              apply_load(own);
             }
           }
         }
@@ -346,6 +351,12 @@ class CudaSolver final : public Solver {
       const typename Effect::template Device<T>& device;
       Vec3<T>* correction;  // [n] m, on the device
     };
+
+    template <class Effect>
+    void apply_load(const OnDevice<Effect, T>& own) const {
+      if constexpr (!is_constraint<Effect> && !is_rate_force<Effect>)
+        s_.template enqueue_sweep<Effect, Arithmetic::xpbd_only>(own, acts_);
+    }
 
     const CudaSolver& s_;
     TimeRule<T> rule_;
