@@ -11,11 +11,14 @@
 //
 // A vertex and a triangle touch in a substep when the vertex, from outside, comes nearer than h
 // over the triangle: on straight paths, at the time when it reaches the plane or the height h,
-// whatever the speed. Pairs that are nearer than h at rest never touch, nor a vertex that lies at
-// rest less than 4 h behind the triangle, in the tissue under it. Edges that cross without a
-// vertex over a triangle are not seen: choose h no smaller than a tenth of the triangles.
+// whatever the speed, if at the start it is as near as motion can bridge: of a triangle that turns
+// over in a substep heights tell nothing. Pairs that are nearer than h at rest never touch, nor a
+// vertex that lies at rest less than 4 h behind the triangle, in the tissue under it. Edges that
+// cross without a vertex over a triangle are not seen: choose h no smaller than a tenth of the
+// triangles.
 #pragma once
 
+#include "sim/base/triangle.hpp"
 #include "sim/effects/effect.hpp"
 
 namespace viscera::sim {
@@ -43,12 +46,22 @@ struct Over {
   double b[3];
 };
 
+// Of a triangle without area every point has the height 0, and is over nothing.
+struct TrianglePlane {
+  Vec3<double> normal;
+  double twice;  // the area, m2
+
+  SIM_HD TrianglePlane(const Vec3<double>& y0, const Vec3<double>& y1, const Vec3<double>& y2) {
+    const Vec3<double> area = cross(y1 - y0, y2 - y0);
+    twice = norm(area);
+    normal = twice > 0.0 ? (1.0 / twice) * area : Vec3<double>{};
+  }
+};
+
 SIM_HD Over over_triangle(const Vec3<double>& x, const Vec3<double>& y0, const Vec3<double>& y1,
                           const Vec3<double>& y2) {
-  const Vec3<double> area = cross(y1 - y0, y2 - y0);
-  const double twice = norm(area);
+  const auto [n, twice] = TrianglePlane(y0, y1, y2);
   if (!(twice > 0.0)) return {0.0, {}, {-1.0, -1.0, -1.0}};
-  const Vec3<double> n = (1.0 / twice) * area;
   const double b1 = dot(n, cross(x - y0, y2 - y0)) / twice;
   const double b2 = dot(n, cross(y1 - y0, x - y0)) / twice;
   return {dot(n, x - y0), n, {1.0 - b1 - b2, b1, b2}};
@@ -62,13 +75,21 @@ struct SurfacePair {
     return over_triangle(x + time * dx, y[0] + time * dy[0], y[1] + time * dy[1],
                          y[2] + time * dy[2]);
   }
+  SIM_HD double height_at(double time) const {
+    const Vec3<double> y0 = y[0] + time * dy[0];
+    const TrianglePlane plane(y0, y[1] + time * dy[1], y[2] + time * dy[2]);
+    return dot(plane.normal, x + time * dx - y0);
+  }
 };
 
-// Whether they touch in the substep; then `contact` says where.
-SIM_HD bool touch(const SurfacePair& pair, double thickness, Over& contact) {
+// Whether they touch in the substep; then `contact` says where. `reach`, m, is how far apart at the
+// start a vertex and a triangle may be that do.
+SIM_HD bool touch(const SurfacePair& pair, double thickness, double reach, Over& contact) {
   constexpr double seam = -1e-3;  // triangles overlap a little, so that none falls in between
-  const double before = pair.at(0.0).height, after = pair.at(1.0).height;
+  const double before = pair.height_at(0.0), after = pair.height_at(1.0);
   if (before < -thickness || after >= thickness) return false;
+  const auto& [a, b, c] = pair.y;
+  if (norm(pair.x - nearest_on_triangle(pair.x, a, b, c)) > reach) return false;
   const auto reaches = [&](double height) {
     const double time =
         before > height && after < height ? (before - height) / (before - after) : 1.0;

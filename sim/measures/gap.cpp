@@ -6,6 +6,8 @@
 #include <set>
 
 #include "sim/base/refusal.hpp"
+#include "sim/base/triangle.hpp"
+#include "sim/measures/overlap.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -22,13 +24,6 @@ void for_each_obstacle(const Scene& scene, Function&& function) {
   });
 }
 
-// The vertices of `faces` in order, none twice.
-std::vector<int> vertices_of(const std::vector<Triangle>& faces) {
-  std::set<int> vertices;
-  for (const Triangle& face : faces) vertices.insert(face.begin(), face.end());
-  return {vertices.begin(), vertices.end()};
-}
-
 BodyPart surface_of(const Model& model, int material) {
   BodyPart part;
   for (const TetFace& face : tet_faces(model)) {
@@ -37,6 +32,9 @@ BodyPart surface_of(const Model& model, int material) {
     if (here != beyond) part.faces.push_back(face.vertices);
   }
   part.vertices = vertices_of(part.faces);
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    if (model.material_of[t] == material) part.tets.push_back(static_cast<int>(t));
+  }
   return part;
 }
 
@@ -74,6 +72,18 @@ void look_for_nearer(const BodyPart& part, const BodyPart& other,
   }
 }
 
+// Of a part's vertices that lie in the other, the one that is deepest, if it is deeper than `gap`.
+void look_for_deeper(const Model& model, const BodyPart& part, const BodyPart& other,
+                     const std::vector<Vec3<double>>& at, Gap& gap) {
+  for (const auto& [vertex, tet] : vertices_in_tets(model, part.vertices, other.tets, at)) {
+    Gap way{std::numeric_limits<double>::infinity(), {}};
+    look_for_nearer({{vertex}}, other, at, way);
+    if (-way.distance >= gap.distance) continue;
+    gap = {-way.distance, way.nearest};
+    for (auto& [v, weight] : gap.nearest) weight = -weight;
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> obstacles_of(const Scene& scene) {
@@ -90,7 +100,7 @@ GapProbe gap_probe(const Model& model, const std::string& name, int material,
     if (model.material_of[t] == material)
       vertices.insert(model.tets[t].begin(), model.tets[t].end());
   }
-  return {name, {{vertices.begin(), vertices.end()}, {}}, obstacle, {}};
+  return {name, {{vertices.begin(), vertices.end()}}, obstacle, {}};
 }
 
 GapProbe gap_probe(const Model& model, const std::string& name, int material, int other) {
@@ -112,6 +122,8 @@ Gap gap_now(const Model& model, const Scene& scene, const GapProbe& probe,
     for (std::size_t i = 0; i < at.size(); ++i) at[i] += u[i];
     look_for_nearer(probe.part, probe.other, at, gap);
     look_for_nearer(probe.other, probe.part, at, gap);
+    look_for_deeper(model, probe.part, probe.other, at, gap);
+    look_for_deeper(model, probe.other, probe.part, at, gap);
     return gap;
   }
   for_each_obstacle(scene, [&]<class Effect>(const auto& params, const std::string& name) {

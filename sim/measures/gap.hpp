@@ -17,7 +17,8 @@ std::vector<std::string> obstacles_of(const Scene& scene);
 // surface, which is where it meets another material or nothing.
 struct BodyPart {
   std::vector<int> vertices;
-  std::vector<Triangle> faces;  // of its surface
+  std::vector<Triangle> faces = {};  // of its surface
+  std::vector<int> tets = {};
 };
 
 // A quantity that a reader asks for, beside the Probe of model/probe.hpp: no mean of vertices.
@@ -35,7 +36,7 @@ GapProbe gap_probe(const Model& model, const std::string& name, int material,
 GapProbe gap_probe(const Model& model, const std::string& name, int material, int other);
 
 struct Gap {
-  double distance;  // m; negative: inside of the obstacle
+  double distance;  // m; negative: inside of the obstacle or of the other part, at the deepest
   // The vertex that is nearest to the obstacle; or the vertex of one part that is nearest to the
   // other and, with negative weights, the point there: the mean of displacements so weighted is
   // what has changed the gap.

@@ -1,10 +1,13 @@
 #include "sim/measures/overlap.hpp"
 
 #include <algorithm>
-#include <array>
+#include <map>
+#include <numeric>
+#include <set>
 
 #include "sim/base/parallel.hpp"
-#include "sim/model/surface.hpp"
+#include "sim/base/triangle.hpp"
+#include "sim/model/surface_pairs.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -40,55 +43,85 @@ class Solid {
   bool is_whole_ = false;
 };
 
-std::vector<int> surface_vertices(const Model& model) {
-  std::vector<int> vertices;
-  for (const Triangle& face : boundary_faces(model))
-    vertices.insert(vertices.end(), face.begin(), face.end());
-  std::ranges::sort(vertices);
-  vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
-  return vertices;
-}
+}  // namespace
 
-// [n] the tet in which a vertex lies, the first of them; -1: none.
-std::vector<int> tets_around(const Model& model, std::vector<int> vertices,
-                             const std::vector<Vec3<double>>& at) {
+std::vector<Overlap> vertices_in_tets(const Model& model, std::vector<int> vertices,
+                                      const std::vector<int>& tets,
+                                      const std::vector<Vec3<double>>& at) {
   const auto x_of = [&at](int v) { return at[v].x; };
   std::ranges::sort(vertices, {}, x_of);
-  std::vector<std::vector<Overlap>> found(model.tet_count());
-  parallel_ranges(model.tet_count(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t t = begin; t < end; ++t) {
-      const Tet& tet = model.tets[t];
+  std::vector<std::vector<int>> found(tets.size());
+  parallel_ranges(tets.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const Tet& tet = model.tets[tets[k]];
       const Solid solid(tet, at);
       for (auto v = std::ranges::lower_bound(vertices, solid.least_x(), {}, x_of);
            v != vertices.end() && x_of(*v) <= solid.largest_x(); ++v) {
-        if (std::ranges::count(tet, *v) == 0 && solid.holds(at[*v]))
-          found[t].push_back({*v, static_cast<int>(t)});
+        if (std::ranges::count(tet, *v) == 0 && solid.holds(at[*v])) found[k].push_back(*v);
       }
     }
   });
-  std::vector<int> around(model.vertex_count(), -1);
-  for (const auto& in_tet : found) {
-    for (const auto& [vertex, tet] : in_tet) {
-      if (around[vertex] < 0) around[vertex] = tet;
-    }
+  std::map<int, int> tet_around;
+  for (std::size_t k = 0; k < tets.size(); ++k) {
+    for (const int v : found[k]) tet_around.emplace(v, tets[k]);
   }
-  return around;
+  std::vector<Overlap> all;
+  for (const auto& [vertex, tet] : tet_around) all.push_back({vertex, tet});
+  return all;
 }
-
-}  // namespace
 
 std::vector<Overlap> overlaps(const Model& model, const std::vector<Vec3<double>>& u) {
   std::vector<Vec3<double>> at = model.rest;
   for (std::size_t v = 0; v < at.size(); ++v) at[v] += u[v];
-  const std::vector<int> vertices = surface_vertices(model);
-  const std::vector<int> now = tets_around(model, vertices, at);
-  std::vector<Overlap> all;
-  if (std::ranges::max(now) < 0) return all;  // as nearly always
-  const std::vector<int> before = tets_around(model, vertices, model.rest);
-  for (const int v : vertices) {
-    if (now[v] >= 0 && before[v] < 0) all.push_back({v, now[v]});
+  std::vector<int> tets(model.tet_count());
+  std::iota(tets.begin(), tets.end(), 0);
+  std::vector<Overlap> now = vertices_in_tets(model, vertices_of(boundary_faces(model)), tets, at);
+  if (now.empty()) return now;  // as nearly always
+  std::vector<int> vertices;
+  for (const auto& [vertex, tet] : now) vertices.push_back(vertex);
+  const auto before = vertices_in_tets(model, vertices, tets, model.rest);
+  std::erase_if(now, [&before](const Overlap& one) {
+    return std::ranges::count(before, one.vertex, &Overlap::vertex) > 0;
+  });
+  return now;
+}
+
+std::vector<int> pieces_of(const Model& model) {
+  std::vector<int> first(model.vertex_count());
+  std::iota(first.begin(), first.end(), 0);
+  const auto root = [&first](int v) {
+    while (first[v] != v) v = first[v] = first[first[v]];
+    return v;
+  };
+  for (const Tet& tet : model.tets) {
+    for (const int v : tet) {
+      const int a = root(tet[0]), b = root(v);
+      first[std::max(a, b)] = std::min(a, b);
+    }
   }
-  return all;
+  for (std::size_t v = 0; v < first.size(); ++v) first[v] = root(static_cast<int>(v));
+  return first;
+}
+
+UnseenPieces unseen_pieces(const Model& model, double thickness) {
+  const std::vector<int> piece = pieces_of(model);
+  const SurfacePairs pairs(model, thickness);
+  std::set<int> vertices;
+  UnseenPieces found{.nearest = thickness};
+  for (std::size_t t = 0; t < pairs.triangles().size(); ++t) {
+    const auto& [a, b, c] = pairs.triangles()[t];
+    for (int n = pairs.left_out_begin()[t]; n < pairs.left_out_begin()[t + 1]; ++n) {
+      const int v = pairs.left_out()[n];
+      if (piece[v] == piece[a]) continue;
+      const auto& at = model.rest;
+      const double distance = norm(at[v] - nearest_on_triangle(at[v], at[a], at[b], at[c]));
+      if (distance >= thickness) continue;  // behind a thin part, at whose front it is seen
+      vertices.insert(v);
+      found.nearest = std::min(found.nearest, distance);
+    }
+  }
+  found.vertices = vertices.size();
+  return found;
 }
 
 }  // namespace viscera::sim

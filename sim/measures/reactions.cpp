@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cctype>
 #include <map>
-#include <numeric>
 
 #include "sim/base/refusal.hpp"
 #include "sim/measures/element_forces.hpp"
+#include "sim/measures/overlap.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -47,6 +47,11 @@ FrameMotion FrameMotion::between(const State& before, const State& now, const St
   return motion_of(now, before, now, after, before, after, 2.0 * frame_s, frame_s);
 }
 
+FrameMotion FrameMotion::none(const State& now) {
+  const VertexField zero(now.u.size());
+  return {.state = &now, .velocity = zero, .acceleration = zero};
+}
+
 FrameMotion FrameMotion::at_end(const State& first, const State& before, const State& now,
                                 double frame_s) {
   return motion_of(now, first, before, now, before, now, frame_s, frame_s);
@@ -57,19 +62,10 @@ Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, Forc
       dt_(scene.time.substep_s()),
       acts_(acts_s > 0.0 ? acts_s : dt_),
       edges_(Distance::elements(model, {})),
-      piece_(model.vertex_count()),
+      piece_(pieces_of(model)),
       holder_(model.vertex_count(), -1),
       tissue_(std::move(tissue)),
       reach_(touching * model.size()) {
-  std::iota(piece_.begin(), piece_.end(), 0);
-  for (bool changes = true; changes;) {
-    changes = false;
-    for (const auto& [a, b] : edges_) {
-      const int first = std::min(piece_[a], piece_[b]);
-      changes |= piece_[a] != first || piece_[b] != first;
-      piece_[a] = piece_[b] = first;
-    }
-  }
   double mass = 0.0;
   for (std::size_t i = 0; i < model.vertex_count(); ++i) {
     about_ += model.mass[i] * model.rest[i];

@@ -54,6 +54,8 @@ struct FrameMotion {
   // Of the second of three states that are `frame_s` apart, by central differences.
   static FrameMotion between(const State& before, const State& now, const State& after,
                              double frame_s);
+  // Of an equilibrium, whatever equilibria come before and after.
+  static FrameMotion none(const State& now);
   // Of the last of three: its acceleration is that of the moment a frame before.
   static FrameMotion at_end(const State& first, const State& before, const State& now,
                             double frame_s);

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "sim/base/refusal.hpp"
+#include "sim/base/triangle.hpp"
 #include "sim/model/surface.hpp"
 
 namespace viscera::sim {

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "sim/base/refusal.hpp"
+#include "sim/base/triangle.hpp"
 
 namespace viscera::sim {
 namespace {

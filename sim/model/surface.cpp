@@ -39,29 +39,17 @@ std::vector<Triangle> boundary_faces(const Model& model) {
   return boundary;
 }
 
+std::vector<int> vertices_of(const std::vector<Triangle>& faces) {
+  std::vector<int> vertices;
+  for (const Triangle& face : faces) vertices.insert(vertices.end(), face.begin(), face.end());
+  std::ranges::sort(vertices);
+  vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+  return vertices;
+}
+
 Vec3<double> area_vector(const Model& model, const Triangle& face) {
   const Vec3<double>& a = model.rest[face[0]];
   return 0.5 * cross(model.rest[face[1]] - a, model.rest[face[2]] - a);
-}
-
-// By the Voronoi regions of the triangle's features: Ericson, "Real-Time Collision Detection"
-// (2005), section 5.1.5.
-Vec3<double> nearest_on_triangle(const Vec3<double>& p, const Vec3<double>& a,
-                                 const Vec3<double>& b, const Vec3<double>& c) {
-  const Vec3<double> ab = b - a, ac = c - a, ap = p - a, bp = p - b, cp = p - c;
-  const double d1 = dot(ab, ap), d2 = dot(ac, ap);
-  if (d1 <= 0.0 && d2 <= 0.0) return a;
-  const double d3 = dot(ab, bp), d4 = dot(ac, bp);
-  if (d3 >= 0.0 && d4 <= d3) return b;
-  const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) return a + (d1 / (d1 - d3)) * ab;
-  const double d5 = dot(ab, cp), d6 = dot(ac, cp);
-  if (d6 >= 0.0 && d5 <= d6) return c;
-  const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) return a + (d2 / (d2 - d6)) * ac;
-  const double va = d3 * d6 - d5 * d4;
-  if (va <= 0.0 && d4 >= d3 && d5 >= d6) return b + ((d4 - d3) / (d4 - d3 + d5 - d6)) * (c - b);
-  return a + (vb / (va + vb + vc)) * ab + (vc / (va + vb + vc)) * ac;
 }
 
 }  // namespace viscera::sim

@@ -20,11 +20,10 @@ std::vector<TetFace> tet_faces(const Model& model);
 // The triangles of the body's surface, counter-clockwise seen from outside.
 std::vector<Triangle> boundary_faces(const Model& model);
 
+// Their vertices in ascending order, none twice.
+std::vector<int> vertices_of(const std::vector<Triangle>& faces);
+
 // Half the cross product of two edges: the outward normal times the area at rest, m2.
 Vec3<double> area_vector(const Model& model, const Triangle& face);
-
-// The point of triangle abc that is nearest to p.
-Vec3<double> nearest_on_triangle(const Vec3<double>& p, const Vec3<double>& a,
-                                 const Vec3<double>& b, const Vec3<double>& c);
 
 }  // namespace viscera::sim

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "sim/base/triangle.hpp"
+
 namespace viscera::sim {
 namespace {
 
@@ -33,12 +35,9 @@ std::vector<Triangle> scattered_faces(const Model& model) {
 }  // namespace
 
 SurfacePairs::SurfacePairs(const Model& model, double thickness)
-    : triangles_(scattered_faces(model)), left_out_begin_(triangles_.size() + 1) {
-  for (const auto& triangle : triangles_) {
-    vertices_.insert(vertices_.end(), triangle.begin(), triangle.end());
-  }
-  std::ranges::sort(vertices_);
-  vertices_.erase(std::unique(vertices_.begin(), vertices_.end()), vertices_.end());
+    : triangles_(scattered_faces(model)),
+      vertices_(vertices_of(triangles_)),
+      left_out_begin_(triangles_.size() + 1) {
   place(model.rest, 4.0 * thickness);
   std::vector<int> left_out, left_out_begin = {0}, near;
   for (std::size_t t = 0; t < triangles_.size(); ++t) {

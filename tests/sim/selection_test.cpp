@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/base/refusal.hpp"
+#include "sim/base/triangle.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {

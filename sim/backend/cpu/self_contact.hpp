@@ -1,7 +1,8 @@
 // Self-contact on the CPU. Pairs are looked for side by side and solved one after the other, in the
 // order of their triangles and vertices: any number of threads gives the same bits. Candidates stay
-// valid while no vertex has moved too far for their margin; which pairs touch is decided anew in
-// every substep and does not depend on when the candidates were found.
+// valid while no vertex has moved too far for their margin, apart from what all have moved alike;
+// which pairs touch is decided anew in every substep and does not depend on when the candidates
+// were found. They are kept by their distance, so that a substep looks at the nearest alone.
 #pragma once
 
 #include <algorithm>
@@ -22,8 +23,7 @@ class CpuSelfContact {
         thickness_(prepared.params.thickness),
         friction_(prepared.params.friction),
         starts_(rest_.size()),
-        found_at_(rest_.size()),
-        candidates_(pairs_.triangles().size()) {}
+        found_at_(rest_.size()) {}
 
   template <class Effect>
   void retune(const Prepared<Effect, T>& prepared) {
@@ -67,21 +67,24 @@ class CpuSelfContact {
     if (rank == 0) {
       own_.resize(team.size());
       moved_.resize(team.size());
+      // Others are not shared out among these threads.
+      if (candidates_.size() != static_cast<std::size_t>(team.size())) margin_ = 0.0;
+      candidates_.resize(team.size());
     }
     team.barrier();
-    const double reach = contact_reach(thickness_, look_for_candidates(team, rank, body));
-    const Range mine = part_of(all_triangles(), rank, team.size());
+    const Moved moved = look_for_candidates(team, rank, body);
+    const double reach = contact_reach(thickness_, moved.now);
+    const double reached_then = reach + 2.0 * moved.since;
     own_[rank].clear();
-    for (int t = mine.begin; t < mine.end; ++t) {
-      if (candidates_[t].empty()) continue;
-      const auto& [a, b, c] = pairs_.triangles()[t];
-      const Bounds box(starts_[a], starts_[b], starts_[c], reach);
-      for (const int vertex : candidates_[t]) {
-        if (!box.holds(starts_[vertex])) continue;
-        TouchingPair contact{vertex, t, {}, 0.0};
-        if (touch(pair_of(body, vertex, t), distance, contact.over)) own_[rank].push_back(contact);
-      }
+    for (const auto& [then, triangle, vertex] : candidates_[rank]) {
+      if (then > reached_then) break;
+      TouchingPair contact{vertex, triangle, {}, 0.0};
+      if (touch(pair_of(body, vertex, triangle), distance, reach, contact.over))
+        own_[rank].push_back(contact);
     }
+    std::ranges::sort(own_[rank], {}, [](const TouchingPair& pair) {
+      return std::pair(pair.triangle, pair.vertex);
+    });
     team.barrier();
     if (rank == 0) {
       contacts.clear();
@@ -93,21 +96,32 @@ class CpuSelfContact {
     team.barrier();
   }
 
-  Range all_triangles() const { return {0, static_cast<int>(candidates_.size())}; }
-
   Body body_of(const std::vector<Row<T>>& u, std::vector<Row<T>>& d) const {
     return {pairs_.triangles().data(), rest_.data(), u.data(), d.data()};
   }
 
-  // Returns the most that a vertex moves in this substep, m.
-  double look_for_candidates(Team& team, int rank, const Body& body) {
+  struct Candidate {
+    double distance;  // m, when it was found
+    int triangle, vertex;
+    auto operator<=>(const Candidate&) const = default;
+  };
+  struct Moved {
+    double since = 0.0;  // from where candidates were found, less what all have moved alike, m
+    double now = 0.0;    // in this substep
+  };
+
+  // Returns the most that vertices have moved.
+  Moved look_for_candidates(Team& team, int rank, const Body& body) {
     const auto& vertices = pairs_.vertices();
     const Range mine = part_of({0, static_cast<int>(vertices.size())}, rank, team.size());
+    // All distances are as they were where all have moved as the first one has.
+    const int first = vertices.front();
+    const Vec3<double> alike = body.start(first) - found_at_[first];
     Moved own;
     for (int k = mine.begin; k < mine.end; ++k) {
       const int v = vertices[k];
       starts_[v] = body.start(v);
-      own.since = std::max(own.since, norm(starts_[v] - found_at_[v]));
+      own.since = std::max(own.since, norm(starts_[v] - found_at_[v] - alike));
       own.now = std::max(own.now, norm(body.motion(v)));
     }
     moved_[rank] = own;
@@ -119,7 +133,7 @@ class CpuSelfContact {
     }
     // What may touch now, vertex and triangle both having moved, was found then.
     const bool known = contact_reach(thickness_, all.now) + 2.0 * all.since <= thickness_ + margin_;
-    if (margin_ > 0.0 && known) return all.now;
+    if (margin_ > 0.0 && known) return all;
     team.barrier();  // all have read the margin
     if (rank == 0) {
       margin_ = std::max(2.0 * thickness_, 8.0 * all.now);
@@ -127,29 +141,35 @@ class CpuSelfContact {
       pairs_.place(found_at_, thickness_ + margin_);
     }
     team.barrier();
-    const Range triangles = part_of(all_triangles(), rank, team.size());
+    const Range all_triangles = {0, static_cast<int>(pairs_.triangles().size())};
+    const Range triangles = part_of(all_triangles, rank, team.size());
+    auto& found = candidates_[rank];
+    found.clear();
+    std::vector<int> near;
     for (int t = triangles.begin; t < triangles.end; ++t) {
-      pairs_.find(found_at_, t, candidates_[t]);
+      pairs_.find(found_at_, t, near);
+      const auto& [a, b, c] = pairs_.triangles()[t];
+      const auto& at = found_at_;
+      for (const int v : near) {
+        const double distance = norm(at[v] - nearest_on_triangle(at[v], at[a], at[b], at[c]));
+        if (distance <= thickness_ + margin_) found.push_back({distance, t, v});
+      }
     }
+    std::ranges::sort(found);
     team.barrier();
-    return all.now;
+    return {0.0, all.now};
   }
-
-  struct Moved {
-    double since = 0.0;  // from where candidates were found, m
-    double now = 0.0;    // in this substep
-  };
 
   SurfacePairs pairs_;
   std::vector<Vec3<double>> rest_;
   double thickness_, friction_;
-  double margin_ = 0.0;                         // m; 0: candidates were never looked for
-  std::vector<Vec3<double>> starts_;            // [n] of the surface's vertices, in this substep, m
-  std::vector<Vec3<double>> found_at_;          // [n] where candidates were found, m
-  std::vector<std::vector<int>> candidates_;    // [triangles] vertices, ascending
-  std::vector<Moved> moved_;                    // [threads]
-  std::vector<std::vector<TouchingPair>> own_;  // [threads] of its triangles
-  std::vector<TouchingPair> contacts_, last_;   // of this substep, before and after the elements
+  double margin_ = 0.0;                 // m; 0: candidates were never looked for
+  std::vector<Vec3<double>> starts_;    // [n] of the surface's vertices, in this substep, m
+  std::vector<Vec3<double>> found_at_;  // [n] where candidates were found, m
+  std::vector<std::vector<Candidate>> candidates_;  // [threads] of its triangles
+  std::vector<Moved> moved_;                        // [threads]
+  std::vector<std::vector<TouchingPair>> own_;      // [threads] of its triangles
+  std::vector<TouchingPair> contacts_, last_;  // of this substep, before and after the elements
 };
 
 }  // namespace viscera::sim

@@ -90,8 +90,8 @@ __global__ void find_largest_motion(int count, const int* vertices, ContactBody<
 // Not inlined, so that who counts and who lists finds the same pairs, to the rounding.
 template <class T>
 __device__ __noinline__ bool touch_in_step(const ContactBody<T>& body, double distance,
-                                           TouchingPair& pair) {
-  return touch(pair_of(body, pair.vertex, pair.triangle), distance, pair.over);
+                                           double reach, TouchingPair& pair) {
+  return touch(pair_of(body, pair.vertex, pair.triangle), distance, reach, pair.over);
 }
 
 constexpr int max_on_triangle = 1024;  // vertices: more are sorted too slowly, and are too many
@@ -109,12 +109,13 @@ __global__ void find_pairs(bool lists, int triangles, SurfaceGrid grid, ContactB
     if (list.begin[t] == list.begin[t + 1] || list.begin[t + 1] > list.capacity) return;
     own = list.pairs + list.begin[t];
   }
+  const double reach =
+      contact_reach(thickness, static_cast<double>(__uint_as_float(*largest_motion)));
   grid.for_each_near(
-      t, contact_reach(thickness, static_cast<double>(__uint_as_float(*largest_motion))),
-      [&](int vertex) { return body.start(vertex); },
+      t, reach, [&](int vertex) { return body.start(vertex); },
       [&](int vertex) {
         TouchingPair pair{vertex, t, {}, 0.0};
-        if (!touch_in_step(body, distance, pair)) return;
+        if (!touch_in_step(body, distance, reach, pair)) return;
         if (lists) {
           int at = count;
           for (; at > 0 && own[at - 1].vertex > vertex; --at) own[at] = own[at - 1];

@@ -113,6 +113,30 @@ TEST_F(Layers, AreAsFarApartAsAVertexAndAFaceAndTheGapChangesWithBoth) {
   EXPECT_LT(norm(apart - Vec3<double>{0.0, 0.0, 0.005}), 1e-12);
 }
 
+// One goes through the other as a whole: the gap is how deep the deepest vertex lies, and changes
+// with the way in, whichever is named first.
+TEST_F(Layers, HaveANegativeGapWhereOneLiesInTheOther) {
+  const GapProbe probe = gap_probe(model, "gap", 0, 2);
+  Displacement u(model.vertex_count());
+  const auto now = [&](double way) {
+    for (const int v : probe.other.vertices) u[v] = {0.0005, 0.0007, -way};
+    return gap_now(model, {}, probe, u, 0.0);
+  };
+  EXPECT_NEAR(now(0.019).distance, 0.001, 1e-12);
+  const Gap inside = now(0.024);
+  EXPECT_NEAR(inside.distance, -0.004, 1e-9);
+  EXPECT_NEAR(gap_now(model, {}, gap_probe(model, "gap", 2, 0), u, 0.0).distance, inside.distance,
+              1e-12);
+  double weights = 0.0;
+  Vec3<double> apart;
+  for (const auto& [vertex, weight] : inside.nearest) {
+    weights += weight;
+    apart += weight * (model.rest[vertex] + u[vertex]);
+  }
+  EXPECT_NEAR(weights, 0.0, 1e-12);
+  EXPECT_NEAR(norm(apart), 0.004, 1e-9);
+}
+
 TEST_F(Layers, ThatTouchHaveNoGap) {
   EXPECT_THROW(gap_probe(model, "gap", 0, 1), Refusal);
   EXPECT_THROW(gap_probe(model, "gap", 1, 1), Refusal);
