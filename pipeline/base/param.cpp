@@ -31,12 +31,23 @@ std::string range_text(const Param& param) {
   return "any finite number" + unit;
 }
 
+std::string joined(const std::vector<std::string>& choices) {
+  std::string all;
+  for (const auto& choice : choices) all += (all.empty() ? "" : " | ") + choice;
+  return all;
+}
+
+bool is_choice(const Param& param, const Json& given) {
+  return given.is_string() && std::ranges::count(param.choices, given.get<std::string>()) > 0;
+}
+
 std::string allowed_text(const Param& param) {
   switch (param.type) {
     case ParamType::boolean:
       return "true or false";
     case ParamType::integer:
-      return "a whole number, " + range_text(param);
+      return joined(param.choices) + (param.choices.empty() ? "" : " | ") + "a whole number, " +
+             range_text(param);
     case ParamType::real:
       return range_text(param);
     case ParamType::list:
@@ -46,10 +57,7 @@ std::string allowed_text(const Param& param) {
     case ParamType::text:
       break;
   }
-  if (param.choices.empty()) return "a text";
-  std::string all;
-  for (const auto& choice : param.choices) all += (all.empty() ? "" : " | ") + choice;
-  return all;
+  return param.choices.empty() ? "a text" : joined(param.choices);
 }
 
 Json scalar_from_text(const std::string& text) {
@@ -212,6 +220,7 @@ Json resolve_value(const Param& param, const Json& given, const std::string& whe
       if (given.is_boolean()) return given;
       break;
     case ParamType::integer:
+      if (is_choice(param, given)) return given;
       if (given.is_number_integer() && in_range(given.get<double>())) return given;
       if (is_whole(given) && in_range(given.get<double>())) return given.get<std::int64_t>();
       break;

@@ -17,10 +17,11 @@ enum class ParamType { boolean, integer, real, text, list, map };
 struct Param {
   std::string name;
   ParamType type = ParamType::text;
-  Json fallback;                       // null: the parameter may stay unset (resolved as null)
-  std::string unit = "1";              // of a real; its resolved value is a number in this unit
-  std::optional<double> lo{}, hi{};    // closed range of a number
-  std::vector<std::string> choices{};  // of a text; empty: any
+  Json fallback;                     // null: the parameter may stay unset (resolved as null)
+  std::string unit = "1";            // of a real; its resolved value is a number in this unit
+  std::optional<double> lo{}, hi{};  // closed range of a number
+  // Of a text, empty: any. Of an integer words that may stand in its place.
+  std::vector<std::string> choices{};
   // Of a map, what each of its values is: a map of these, or a value of the one that has no name.
   // Empty: the stage alone knows.
   std::vector<Param> entry{};

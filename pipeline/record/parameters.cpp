@@ -187,7 +187,7 @@ class SceneRows {
     if (written.size() > 1 && written[1].starts_with(prefix)) written[1].erase(0, prefix.size());
     if (written.size() > 1 && written[1] == "grouped_volume") written[1] = "neo_hookean";
     const auto found = text_.find(written);
-    if (!found) return {is_substeps ? "unknown" : "default", ""};
+    if (!found) return {is_substeps ? "policy" : "default", ""};
     return {is_substeps && found->text != value.dump() ? "policy" : "scene", found->where};
   }
 

@@ -45,6 +45,8 @@ struct Prescribed {
     double start = 0.0;                                          // s
     double duration = 1.0;                                       // s; 0: at once
     std::string ramp = "smooth";
+    // Not the scene's to give, m: from where it goes on, when a schedule has changed its path.
+    Vec3<double> from = {};
   };
   static constexpr auto fields() {
     return std::tuple_cat(
@@ -62,7 +64,7 @@ struct Prescribed {
   }
 
   static double ends(const Params& params) {
-    return norm(params.displacement) > 0.0 ? params.start + params.duration : 0.0;
+    return norm(params.displacement - params.from) > 0.0 ? params.start + params.duration : 0.0;
   }
 
   static std::vector<int> vertices(const Model& model, const Params& params) {
@@ -70,22 +72,37 @@ struct Prescribed {
   }
   template <class T>
   struct Device {
-    Vec3<T> displacement;
+    Vec3<T> from, way;  // m
     T start, duration;
     bool smooth;
   };
   template <class T>
+  static Device<T> path(const Params& params) {
+    return {cast<T>(params.from), cast<T>(params.displacement - params.from),
+            static_cast<T>(params.start), static_cast<T>(params.duration), params.ramp == "smooth"};
+  }
+  template <class T>
   static Device<T> device(const Model&, const Params& params) {
-    return {cast<T>(params.displacement), static_cast<T>(params.start),
-            static_cast<T>(params.duration), params.ramp == "smooth"};
+    return path<T>(params);
   }
   template <class T>
   SIM_HD static Vec3<T> target(const Device<T>& path, const Vec3<T>&, T time) {
     const T since = time - path.start;
-    if (!(since > T(0))) return {};
-    if (since >= path.duration) return path.displacement;
+    if (!(since > T(0))) return path.from;
+    if (since >= path.duration) return path.from + path.way;
     const T s = since / path.duration;
-    return (path.smooth ? s * s * (T(3) - T(2) * s) : s) * path.displacement;
+    return path.from + (path.smooth ? s * s * (T(3) - T(2) * s) : s) * path.way;
+  }
+
+  // What a schedule puts in place of `before` at a time, s: it goes on from where that one is then.
+  static Params gone_on(const Params& before, Params now, double time) {
+    const bool same = norm(now.displacement - before.displacement) == 0.0 &&
+                      now.start == before.start && now.duration == before.duration &&
+                      now.ramp == before.ramp;
+    if (same) return now;
+    now.from = target(path<double>(before), {}, time);
+    now.start = std::max(now.start, time);
+    return now;
   }
 };
 

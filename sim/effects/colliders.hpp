@@ -33,7 +33,16 @@ struct Travel {
   Vec3<double> velocity = {};  // m/s
   double start = 0.0;          // s
   double stop = latest;        // s
+  // Not the scene's to give, m: how far it had gone when a schedule changed its way.
+  Vec3<double> so_far = {};
 
+  // m, at a time, s.
+  Vec3<double> gone(double time) const { return so_far + travelled(start, stop, time) * velocity; }
+  // For how long it has moved until a time, s.
+  SIM_HD static double travelled(double start, double stop, double time) {
+    const double until = time < stop ? time : stop;
+    return until > start ? until - start : 0.0;
+  }
   double ends() const {
     if (norm(velocity) == 0.0 || stop <= start) return 0.0;
     return stop < latest ? stop : never;
@@ -238,7 +247,7 @@ struct Collider {
   template <class T>
   struct Device {
     typename Shape::Solid solid;
-    Vec3<double> anchor;    // m, before it moves
+    Vec3<double> anchor;    // m, before it moves, or moves on
     Vec3<double> velocity;  // m/s
     double start, stop;     // s
     double deepest;         // m, that stop() leaves a vertex inside
@@ -249,7 +258,7 @@ struct Collider {
   static Device<T> device(const Model& model, const Params& params) {
     refuse_overlap(model, params);
     return {Shape::solid(params),
-            Shape::anchor(params, model.origin),
+            Shape::anchor(params, model.origin) + params.so_far,
             params.velocity,
             params.start,
             params.stop,
@@ -259,18 +268,29 @@ struct Collider {
 
   // Of a place from where it is at a time, m in the model's frame; negative: inside.
   static auto distance_at(const Model& model, const Params& params, double time) {
-    const Vec3<double> anchor = Shape::anchor(params, model.origin) +
-                                travelled(params.start, params.stop, time) * params.velocity;
+    const Vec3<double> anchor = Shape::anchor(params, model.origin) + params.gone(time);
     return [anchor, solid = Shape::solid(params)](const Vec3<double>& place) {
       Vec3<double> normal;
       return Shape::distance(solid, place - anchor, normal);
     };
   }
 
+  // What a schedule puts in place of `before` at a time, s: it goes on from where that one is then,
+  // or stands where the change puts it.
+  static Params gone_on(const Params& before, Params now, double time) {
+    const bool is_put = norm(Shape::anchor(now, {}) - Shape::anchor(before, {})) > 0.0;
+    const bool same = norm(now.velocity - before.velocity) == 0.0 && now.start == before.start &&
+                      now.stop == before.stop;
+    if (!is_put && same) return now;
+    now.so_far = is_put ? Vec3<double>{} : before.gone(time);
+    now.start = std::max(now.start, time);
+    return now;
+  }
+
   // Its place and motion; what it meets on the way it pushes out.
   template <class T>
   static void steer(Device<T>& it, const Vec3<double>& origin, const Params& params, double) {
-    it.anchor = Shape::anchor(params, origin);
+    it.anchor = Shape::anchor(params, origin) + params.so_far;
     it.velocity = params.velocity;
     it.start = params.start;
     it.stop = params.stop;
@@ -330,12 +350,6 @@ struct Collider {
     double depth;  // of the vertex below it, m; not positive: no contact
   };
 
-  // For how long it has moved until a time, s.
-  SIM_HD static double travelled(double start, double stop, double time) {
-    const double until = time < stop ? time : stop;
-    return until > start ? until - start : 0.0;
-  }
-
   // How long the obstacle moves in this substep.
   template <class T>
   SIM_HD static double moving_time(const Device<T>& it, const Step<T>& step) {
@@ -348,8 +362,9 @@ struct Collider {
   SIM_HD static Face meet(const Device<T>& it, const Step<T>& step, const Vec3<T>& rest,
                           const Vec3<T>& u, const Vec3<T>& d) {
     const Vec3<double> path = cast<double>(d) - moving_time(it, step) * it.velocity;
-    const Vec3<double> end = cast<double>(rest) + cast<double>(u) + cast<double>(d) -
-                             (it.anchor + travelled(it.start, it.stop, step.time) * it.velocity);
+    const Vec3<double> end =
+        cast<double>(rest) + cast<double>(u) + cast<double>(d) -
+        (it.anchor + Travel::travelled(it.start, it.stop, step.time) * it.velocity);
     Vec3<double> at = end - path, normal, nearest;
     double gap = Shape::distance(it.solid, at, normal);
     if (gap > 0.0 && !enters(it.solid, path, at, normal, gap)) return {normal, -1.0};

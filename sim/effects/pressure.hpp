@@ -1,8 +1,9 @@
 // Pressure on a patch of the body's surface. It follows the surface: each triangle has the force
 // -p a, a the outward area vector of its present shape, a third on each vertex (Bonet and Wood,
 // "Nonlinear Continuum Mechanics for Finite Element Analysis", 2nd edition 2008, section 8.5.2,
-// with constant shape functions). On a closed surface the forces cancel, in explicit solvers but
-// for what one triangle moves before the next is pushed (2e-5 of p a over a second on a soft cube).
+// with constant shape functions). On a closed surface the forces cancel, under XPBD and TLED
+// but for what one triangle moves before the next is pushed: 1.5e-4 to 2.7e-4 of p a on a cube of
+// 5 kPa under 1 kPa at 32 substeps, by which it drifts 9 mm in a second where nothing holds it.
 #pragma once
 
 #include "sim/effects/effect.hpp"

@@ -40,13 +40,12 @@ std::size_t history_numbers(const Slots& effects) {
 }
 
 // Those of a state, effect after effect; none of a solver that keeps no history, as quasi-static
-// ones do. What else a solver keeps there, as of nodes within edges, stands before them.
+// ones do.
 template <class Slots>
 std::optional<std::span<const double>> history_of_elements(const Slots& effects,
                                                            const State& state) {
-  const std::size_t known = history_numbers(effects);
-  if (state.history.size() < known) return std::nullopt;
-  return std::span<const double>(state.history).last(known);
+  if (state.history.size() != history_numbers(effects)) return std::nullopt;
+  return std::span<const double>(state.history);
 }
 
 // The force of one element, N, with the material's full damping: an explicit solver may lower it.

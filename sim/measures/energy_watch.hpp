@@ -9,9 +9,11 @@
 // it has been by more than `energy_share` of the most motion that there has been (kinetic energy
 // and what is stored in tets, beds and branches), or by what strains the whole body by a
 // thousandth. The share
-// covers what frames and steps leave undecided: the energy at the end of a substep, and the work of
-// a pressure from one frame to the next. The phantom that lands (10,246 tets, damped or not, XPBD
-// in every order and explicit dynamics) rose by 1.3e-5 of its motion at most.
+// covers what frames and steps leave undecided: the energy at the end of a substep, and how the
+// edge of a patch under pressure goes from one frame to the next. (The work is that of the cubic
+// paths that have the places and velocities of both frames; on a closed surface, or one whose edge
+// is held, that of a pressure depends on no path.) The phantom that lands (10,246 tets, damped or
+// not, XPBD in every order and explicit dynamics) rose by 1.3e-5 of its motion at most.
 //
 // Speed. Otherwise the energy that comes in is not known. Particles of an elastic body move as fast
 // as strain waves times the strain, so that none is faster than

@@ -26,9 +26,11 @@ std::vector<Vec3<double>> element_forces(const Model& model, const Scene& scene,
       }
     }
   });
-  State virgin{.history = state.history};
-  if (virgin.history.empty()) virgin.history.resize(history_numbers(on));  // a virgin material
-  const auto known = history_of_elements(on, virgin);
+  const std::size_t numbers = history_numbers(on);
+  State kept{.history = state.history};
+  // A virgin material; and of the effects of this scene none may have a history.
+  if (kept.history.empty() || numbers == 0) kept.history.assign(numbers, 0.0);
+  const auto known = history_of_elements(on, kept);
   if (!known) {
     throw std::invalid_argument("element_forces: a state with the history of other elements");
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iomanip>
 #include <limits>
+#include <numbers>
 #include <sstream>
 #include <string>
 
@@ -91,6 +92,18 @@ void raise_substeps(Scene& scene, const Stability& now) {
   scene.time.substeps = static_cast<int>(needed);
 }
 
+// 1/s, of a compact body of this volume that is held at one end and stretched: a quarter of the
+// wave is as long as it is.
+double swing_frequency(const Model& model) {
+  double mass = 0.0, volume = 0.0, modulus = 0.0;
+  for (const double m : model.mass) mass += m;
+  for (std::size_t t = 0; t < model.tet_count(); ++t) {
+    volume += model.volume[t];
+    modulus += model.volume[t] * model.material(t).youngs_modulus;
+  }
+  return 0.5 * std::numbers::pi * std::sqrt(modulus / mass) / std::cbrt(volume);
+}
+
 // Under Jacobi an element sees `split` times its own way and nothing of its neighbours', by colours
 // and in blocks half of its own on the average over orders: as if H were 2 split times as large.
 SweepError sweep_error(const Model& model, const Scene& scene, const SolverOptions& options) {
@@ -101,9 +114,29 @@ SweepError sweep_error(const Model& model, const Scene& scene, const SolverOptio
   return error;
 }
 
+// The fewest a frame that stability, the motion and, by its bound, the error at rest ask for.
+int fewest_substeps(const Model& model, Scene scene, const SolverOptions& options) {
+  const bool hangs_on_them =
+      options.method == Method::pbd || scene.stability == StabilityPolicy::form;
+  if (hangs_on_them) return TimeGrid{}.substeps;
+  if (options.method == Method::fem && options.fem.time != FemOptions::Time::implicit_euler) {
+    return 1;  // equilibria, and steps that find their own length
+  }
+  scene.time.substeps = 1;
+  const Stability of_one = assess(model, scene, options);
+  double needed = std::max(of_one.substeps_needed,
+                           std::ceil(scene.time.frame_s * swing_frequency(model) / max_phase));
+  if (options.method == Method::xpbd) {
+    const double limit = scene.accuracy_limit > 0.0 ? scene.accuracy_limit : accuracy_at_rest;
+    const double for_rest = std::ceil(SweepError::more_substeps(of_one.sweep_number, limit));
+    needed = std::clamp(for_rest, needed, std::floor(max_refinement * needed));
+  }
+  return static_cast<int>(std::min<double>(needed, max_substeps));
+}
+
 void keep_accuracy(const Model& model, Scene& scene, const SolverOptions& options) {
   const double limit = scene.accuracy_limit;
-  if (!(limit > 0.0) || scene.stability == StabilityPolicy::warn) return;
+  if (!(limit > 0.0)) return;
   const SweepError error = sweep_error(model, scene, options);
   if (error.bound <= limit) return;
   const double hold_s = time_to_hold(model, scene, error.bound);
@@ -113,6 +146,7 @@ void keep_accuracy(const Model& model, Scene& scene, const SolverOptions& option
     scene.force_hold_s = std::max({scene.force_hold_s, hold_s, scene.time.substep_s()});
     return;
   }
+  if (scene.stability == StabilityPolicy::warn) return;  // the grid stays
   const double needed = std::ceil(scene.time.substeps * more);
   if (may_change && more <= max_refinement) {
     scene.time.substeps = static_cast<int>(needed);
@@ -234,6 +268,9 @@ Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& op
   const bool is_xpbd = options.method == Method::xpbd;
   scene.time.order = order_of(scene, options);
   if (in_blocks(options) && is_of_first_order_in_blocks(model)) scene.time.order = 1;
+  if (scene.time.fewest_substeps) {
+    scene.time.substeps = std::max(scene.time.substeps, fewest_substeps(model, scene, options));
+  }
   if (scene.stability == StabilityPolicy::form && is_xpbd) {
     switch_form<NeoHookean>(model, scene);
     switch_form<SmoothedNeoHookean>(model, scene);

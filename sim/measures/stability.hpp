@@ -36,6 +36,11 @@ inline constexpr double max_hold_s = 1.0;      // who holds forces for longer ha
 inline constexpr double max_refinement = 4.0;  // of the substeps, for accuracy
 inline constexpr int max_substeps = 1000000;   // per frame; more is refused
 
+// What TimeGrid::fewest_substeps keeps to. A swing of angular frequency w comes w dt squared over 3
+// too slowly by BDF2, here .05 % (docs/results/body.md has what is reached).
+inline constexpr double max_phase = 0.04;         // w dt of the body's slowest swing
+inline constexpr double accuracy_at_rest = 0.01;  // bound of XPBD's error, where the scene has none
+
 // The number that the method must keep small, and where it is largest.
 struct StabilityLimit {
   const char* name;
@@ -74,14 +79,19 @@ std::size_t tets_taken(const Scene& scene);
 // Gives a scene the forms of the laws that the policy has made for another of the same body.
 void keep_forms(const Scene& from, Scene& to);
 
-// Follows scene.accuracy_limit first: where XPBD's error at rest may be larger, elements hold their
+// Where the grid asks for it, finds the fewest substeps first, no fewer than it has: those that
+// stability and the motion need, and up to four times as many for the error at rest; of PBD, whose
+// stiffness hangs on them, and under the policy `form` 64; of finite elements whose steps find
+// their own length one.
+//
+// Follows scene.accuracy_limit: where XPBD's error at rest may be larger, elements hold their
 // forces (not under the policy `refuse`), or else the substeps are raised, to four times as many at
-// most. Then follows scene.stability: raises the substeps, or throws Refusal with the number that
-// is needed, or leaves the grid as it is, or (XPBD) switches the form of single tets; where another
-// form does not help, as of Prony branches and under TLED, `form` raises the substeps. Implicit
-// finite elements have no limit. Lowers the order of the time step where blocks need that. Returns
-// the assessment of the grid that will be used. Once more on the same scene, with other materials,
-// it adds to what it did.
+// most (not under `warn`). Then follows scene.stability: raises the substeps, or throws Refusal
+// with the number that is needed, or leaves the grid as it is, or (XPBD) switches the form of
+// single tets; where another form does not help, as of Prony branches and under TLED, `form` raises
+// the substeps. Implicit finite elements have no limit. Lowers the order of the time step where
+// blocks need that. Returns the assessment of the grid that will be used. Once more on the same
+// scene, with other materials, it adds to what it did.
 Stability apply_policy(const Model& model, Scene& scene, const SolverOptions& options = {});
 
 }  // namespace viscera::sim

@@ -28,6 +28,10 @@ struct State {
   // What effects with a history keep (Prony's viscous strains), in the order of the registry and of
   // their elements. Empty stands for a virgin material.
   std::vector<double> history = {};
+  // What finite elements keep beside it: u and v of the nodes within edges, what the last step has
+  // added to these, its length and the next one's, and the multipliers of obstacles, node by node.
+  // Empty, or as many as other elements have, stands for nothing.
+  std::vector<double> nodes = {};
   // [replicas] m, the dual variables of replicas in block Gauss-Seidel (partition.hpp), and behind
   // them those of rate forces where there are any. Empty, or as many as another layout has, stands
   // for nothing.

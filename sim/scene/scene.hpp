@@ -7,10 +7,11 @@
 namespace viscera::sim {
 
 struct TimeGrid {
-  double frame_s = 1.0 / 60.0;  // s between two frames that are kept
-  int substeps = 64;            // per frame
-  double end_s = 5.0;           // s
-  int order = 2;                // of the error of a substep (solvers/time_rule.hpp)
+  double frame_s = 1.0 / 60.0;   // s between two frames that are kept
+  int substeps = 64;             // per frame
+  double end_s = 5.0;            // s
+  int order = 2;                 // of the error of a substep (solvers/time_rule.hpp)
+  bool fewest_substeps = false;  // the policy finds how many are enough (stability.hpp)
   double substep_s() const { return frame_s / substeps; }
 };
 

@@ -11,11 +11,12 @@
 
 namespace viscera::sim {
 
-// Whether the state tells E_v: that of a frame read from a file does not, and that of finite
-// elements beside obstacles might mean something else.
-bool tells_branches(const Model& model, const Scene& scene, const State& state);
-
-// [m] Pa, or empty where the scene has no branch or the state does not tell them.
+// [m] Pa, or empty where the scene has no branch or the state keeps no E_v: then they have relaxed.
 std::vector<Tensor6> branch_stresses(const Model& model, const Scene& scene, const State& state);
+
+// The history of a state with displacements u, [n] m, that follows `before` after `step_s`: exactly
+// where E changed at a constant rate between them. Empty where `before` keeps none.
+std::vector<double> followed_history(const Model& model, const Scene& scene, const State& before,
+                                     const std::vector<Vec3<double>>& u, double step_s);
 
 }  // namespace viscera::sim

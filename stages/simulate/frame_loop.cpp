@@ -107,7 +107,11 @@ class Forces {
  public:
   Forces(const sim::Model& model, const sim::Scene& scene, const FrameOptions& options,
          Outcome& outcome)
-      : model_(model), scene_(scene), acts_s_(options.acts_s), tissue_(options.tissue) {
+      : model_(model),
+        scene_(scene),
+        is_static_(options.is_static),
+        acts_s_(options.acts_s),
+        tissue_(options.tissue) {
     if (!options.forces) return;
     reactions_.emplace(model, scene, acts_s_, tissue_);
     outcome.exerting = reactions_->names();
@@ -130,7 +134,7 @@ class Forces {
 
  private:
   void take(const sim::FrameMotion& motion, Outcome& outcome) {
-    const auto found = reactions_->at(motion);
+    const auto found = reactions_->at(is_static_ ? sim::FrameMotion::none(*motion.state) : motion);
     outcome.frames.back().forces = found.of;
     outcome.frames.back().handed_on = found.handed_on;
   }
@@ -138,6 +142,7 @@ class Forces {
 
   const sim::Model& model_;
   const sim::Scene& scene_;
+  bool is_static_;
   double acts_s_;
   sim::Reactions::ForcesOfTissue tissue_;
   std::optional<sim::Reactions> reactions_;

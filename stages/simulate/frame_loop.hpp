@@ -67,6 +67,7 @@ struct FrameOptions {
   sim::Method method = sim::Method::xpbd;         // of the solver
   // Says of a frame after the first why the run may not go on from it: a divergence; empty: it may.
   std::function<std::string(const sim::State&)> objects = {};
+  bool is_static = false;                      // frames are equilibria
   bool forces = false;                         // whether frames are to know theirs
   double acts_s = 0.0;                         // sim::Reactions
   sim::Reactions::ForcesOfTissue tissue = {};  // where tets are quadratic

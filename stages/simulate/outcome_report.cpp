@@ -13,7 +13,6 @@
 #include "sim/measures/inverted.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
-#include "stages/simulate/doubts/doubts.hpp"
 #include "stages/simulate/gates.hpp"
 #include "stages/simulate/probes.hpp"
 
@@ -210,7 +209,6 @@ void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& fil
   run.metric("displacement_max_end", m_to_mm * last.now.max_displacement, "mm");
   report_shape(run, model, outcome);
   report_forces(run, outcome);
-  if (outcome.divergence.empty()) report_doubts(run, model, file, outcome);
   run.metric("state_hash_end", fmt::format("{:016x}", last.state_hash));
 }
 

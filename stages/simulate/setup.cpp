@@ -55,6 +55,28 @@ void take_stiffness(StageRun& run, const TetMesh& mesh, sim::Model& model) {
   model.youngs_modulus = std::move(sample.youngs_modulus);
 }
 
+// The measured E stays whatever a schedule says.
+void refuse_schedule_of_measured(const StageRun& run, const SceneFile& file, const TetMesh& mesh,
+                                 const sim::Model& model) {
+  std::map<std::string, std::size_t> measured;  // tets, by label
+  for (std::size_t t = 0; t < model.youngs_modulus.size(); ++t) {
+    if (model.youngs_modulus[t] > 0.0) ++measured[mesh.label_names.at(mesh.labels[t])];
+  }
+  for (const SceneChange& change : file.schedule) {
+    for (const auto& [label, tets] : measured) {
+      const double now = change.materials.at(label).youngs_modulus;
+      if (now == file.materials.at(label).youngs_modulus) continue;
+      throw Error(ExitCode::bad_config,
+                  {.where = run.input("scene").string(),
+                   .field = "schedule.materials." + label + ".E",
+                   .found = fmt::format("{:.3g} kPa at {:g} s, and {} tets with a measured E",
+                                        1e-3 * now, change.at_s, tets),
+                   .allowed = "E of labels that the volume of stiffness does not cover",
+                   .remedy = "leave the volume of stiffness out, or change nu and damping alone"});
+    }
+  }
+}
+
 // A vertex can be led along one displacement: of two, the last one alone would act, from the start.
 void refuse_shared_leads(const sim::Model& model, const sim::Scene& scene) {
   const auto& leads = scene.params<sim::Prescribed>();
@@ -77,9 +99,15 @@ void refuse_shared_leads(const sim::Model& model, const sim::Scene& scene) {
 
 }  // namespace
 
+bool is_static(const sim::SolverOptions& options) {
+  return options.method == sim::Method::fem &&
+         options.fem.time == sim::FemOptions::Time::quasi_static;
+}
+
 FrameOptions frame_options(const StageRun& run, const SceneFile& file, const sim::Model& model,
                            const sim::SolverOptions& options) {
   FrameOptions frames{.method = options.method,
+                      .is_static = is_static(options),
                       .forces = run.param<bool>("forces"),
                       .acts_s = sim::acting_time_of(file.scene, options)};
   if (file.element == sim::Element::quadratic) frames.tissue = sim::quadratic_forces(model);
@@ -119,7 +147,7 @@ SceneFile scene_of(const StageRun& run, const Json& changes) {
                                        .found = "no such metric",
                                        .remedy = suggest(expected.metric, expectable)});
   }
-  if (run.has_param("substeps")) file.scene.time.substeps = run.param<int>("substeps");
+  if (run.has_param("substeps")) set_substeps(run.params().at("substeps"), file.scene.time);
   if (run.has_param("end")) file.scene.time.end_s = run.param<double>("end");
   take_element(run, file);
   check_what_pbd_ignores(run, file);
@@ -141,6 +169,7 @@ Setup set_up(StageRun& run, TetMesh mesh) {
   check_body(mesh, run.input("mesh").string());
   refuse_shared_leads(model, file.scene);
   take_stiffness(run, mesh, model);
+  refuse_schedule_of_measured(run, file, mesh, model);
   return {std::move(file), std::move(mesh), std::move(model)};
 }
 

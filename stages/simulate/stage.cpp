@@ -20,6 +20,7 @@
 #include "stages/mesh/export_text.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
+#include "stages/simulate/doubts/doubts.hpp"
 #include "stages/simulate/error_report.hpp"
 #include "stages/simulate/estimate.hpp"
 #include "stages/simulate/exchange/static_problem.hpp"
@@ -113,7 +114,9 @@ void report_stability(StageRun& run, const sim::Stability& stability, const sim:
         stability.switched, stability.cs_max, sim::cs_limit);
   }
   const sim::StabilityLimit& limit = stability.limit;
-  if (scene.time.substeps != asked_substeps) {
+  if (scene.time.fewest_substeps) {
+    log::info("{} substeps a frame are enough", scene.time.substeps);
+  } else if (scene.time.substeps != asked_substeps) {
     log::warn("substeps raised from {} to {} a frame, so that {} is {:.2f} (limit {:.1f})",
               asked_substeps, scene.time.substeps, limit.name, limit.value, limit.at_most);
   } else if (limit.value > limit.at_most) {
@@ -230,7 +233,9 @@ void report_solver_error(StageRun& run, const sim::Stability& stability, const s
       "what elements and mesh add comes besides (certify: true finds it)",
       100.0 * stability.sweep_error, stability.sweep_number);
   if (stability.sweep_error > worth_a_warning) {
-    log::warn("{}\n  remedy:  accuracy_limit: 1 % in the scene, more substeps or solver fem", text);
+    log::warn("{}\n  remedy:  {}more substeps or solver fem", text,
+              scene.accuracy_limit > 0.0 ? "effects.viscosity with damping, "
+                                         : "accuracy_limit: 1 % in the scene, ");
   } else {
     log::info("{}", text);
   }
@@ -283,6 +288,12 @@ void simulate(StageRun& run) {
     check_start(model, start);
     solver->set_state(start);
   }
+  std::vector<double> history_at_start;
+  if (frames_of_stress) history_at_start = solver->state().history;
+  if (!file.schedule.empty() && file.schedule.back().at_s >= file.scene.time.end_s) {
+    log::warn("schedule: the change at {:g} s comes after time.end, {:g} s, and never acts",
+              file.schedule.back().at_s, file.scene.time.end_s);
+  }
   if (const double end_s = schedule.loads_end(); end_s > file.scene.time.end_s) {
     log::info("the loads {}: the run goes on to time.end, {:.3g} s, and does not rest",
               end_s < sim::never ? fmt::format("end at {:.3g} s", end_s)
@@ -325,6 +336,7 @@ void simulate(StageRun& run) {
                    fingerprint_of(model));
   write_metrics(run.out("metrics.csv"), model, probes, gaps, outcome);
   report_outcome(run, model, file, schedule, outcome);
+  if (outcome.divergence.empty()) report_doubts(run, model, file, is_static(options), outcome);
   report_probes(run, model, probes, outcome);
   report_gaps(run, gaps, outcome);
   write_landmarks(run, model, probes, outcome.frames.back().probes, landmarks_in);
@@ -332,7 +344,8 @@ void simulate(StageRun& run) {
     write_stress(run, mesh, model, file.scene, outcome.last,
                  element == sim::Element::quadratic ? 2 : 1);
   }
-  if (frames_of_stress) write_stress_frames(run, model, file.scene, schedule);
+  if (frames_of_stress)
+    write_stress_frames(run, model, file.scene, schedule, std::move(history_at_start));
   if (run.param<bool>("certify") || run.has_param("adapt"))
     report_error_bar(run, mesh, model, file, probes, gaps, outcome, options);
   if (!outcome.divergence.empty()) {
@@ -374,6 +387,7 @@ std::vector<Param> params() {
                  .fallback = nullptr,
                  .lo = 1.0,
                  .hi = 1e6,
+                 .choices = {fewest_substeps},
                  .doc = "in place of the scene's time.substeps"});
   all.push_back(quantity("accuracy", nullptr, "mm", 1e-9, 1e6,
                          "the solver's params are those of the cheapest setting that the study "
@@ -427,7 +441,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "23",
+           .version = "24",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

@@ -9,6 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/log.hpp"
 #include "sim/base/von_mises.hpp"
+#include "sim/stress/branches.hpp"
 #include "sim/stress/stress_field.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
@@ -126,12 +127,13 @@ void write_stress(StageRun& run, const TetMesh& mesh, const sim::Model& model,
 }
 
 void write_stress_frames(StageRun& run, sim::Model model, sim::Scene scene,
-                         const Schedule& schedule) {
+                         const Schedule& schedule, std::vector<double> history) {
   const TrajectoryReader frames(run.out("trajectory.h5"));
   CellSeriesWriter series(run.out(""), "stress", {"von_mises_stress_kPa", "J"},
                           model.vertex_count(), model.tet_count());
   const std::size_t count = frames.times_s().size();
   std::optional<std::size_t> setting;
+  sim::State state{.history = std::move(history)};
   for (std::size_t frame = 0; frame < count; ++frame) {
     log::progress("stress", static_cast<double>(frame) / static_cast<double>(count));
     const double time_s = frames.times_s()[frame];
@@ -139,11 +141,16 @@ void write_stress_frames(StageRun& run, sim::Model model, sim::Scene scene,
     if (setting != now) schedule.set(now, model, scene);
     setting = now;
     const std::vector<float> at = frames.positions_mm(frame);
-    sim::State state;
+    std::vector<sim::Vec3<double>> u;
     for (std::size_t v = 0; v < model.vertex_count(); ++v) {
       const sim::Vec3<double> place{at[3 * v], at[3 * v + 1], at[3 * v + 2]};
-      state.u.push_back(mm_to_m * place - model.origin - model.rest[v]);
+      u.push_back(mm_to_m * place - model.origin - model.rest[v]);
     }
+    if (frame > 0) {
+      const double step_s = time_s - frames.times_s()[frame - 1];
+      state.history = sim::followed_history(model, scene, state, u, step_s);
+    }
+    state.u = std::move(u);
     std::vector<std::vector<float>> values(2);
     for (const sim::Strained& tet : sim::strained_tets(model, scene, state, 1)) {
       values[0].push_back(static_cast<float>(von_mises_kpa(tet)));

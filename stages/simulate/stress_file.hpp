@@ -25,8 +25,8 @@ void write_stress(StageRun& run, const TetMesh& mesh, const sim::Model& model,
                   const sim::Scene& scene, const sim::State& state, int order);
 
 // Of every frame of the trajectory in the run's folder, with what the schedule had changed by then.
-// `model` and `scene` are those of the run.
+// `model` and `scene` are those of the run, `history` is State::history in its first frame.
 void write_stress_frames(StageRun& run, sim::Model model, sim::Scene scene,
-                         const Schedule& schedule);
+                         const Schedule& schedule, std::vector<double> history);
 
 }  // namespace viscera

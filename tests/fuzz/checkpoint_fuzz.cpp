@@ -29,11 +29,12 @@ const std::vector<fuzz::Expected>& expected() {
                                                        {"/step", false, {1}, {64}},
                                                        {"/u", true, {vertices, 3}, {}},
                                                        {"/v", true, {vertices, 3}, {}},
-                                                       {"/memory", true, {0}, {}},
+                                                       {"/history", true, {0}, {}},
                                                        {"/added_u", true, {vertices, 3}, {}},
                                                        {"/added_v", true, {vertices, 3}, {}},
                                                        {"/carried", true, {6, 3}, {}},
-                                                       {"/held", true, {5}, {}}};
+                                                       {"/held", true, {5}, {}},
+                                                       {"/nodes", true, {7}, {}}};
   return datasets;
 }
 

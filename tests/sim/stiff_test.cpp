@@ -144,6 +144,45 @@ TEST(HeldForces, AreTakenUpWhereARunWasLeft) {
   EXPECT_EQ(resumed->state().hash(), whole->state().hash());
 }
 
+// Loads and pressure hold nothing: taken for what elements add, they were added again in every
+// substep, and a bar went 60 mm where .02 mm is right.
+TEST(HeldForces, BearLoadsAndPressureOnceOnly) {
+  for (const bool is_pressed : {false, true}) {
+    StiffBar bar({6, 2, 2}, 0.45, 0.03);
+    Scene& scene = bar.scene;
+    scene.params<Gravity>().clear();
+    const auto end = [](auto& params) -> auto& {
+      params.side = "left", params.within = 1e-6;
+      return params;
+    };
+    if (is_pressed) {
+      end(scene.params<Pressure>().emplace_back()).pressure = 200.0;
+    } else {
+      end(scene.params<Load>().emplace_back()).force = {0.0, 0.0, -0.02};
+    }
+    Scene held = scene;
+    held.accuracy_limit = 0.001;
+    apply_policy(bar.model, held);
+    apply_policy(bar.model, scene);
+    ASSERT_GT(held.force_hold_s, 0.0);
+    const auto newton = make_on_cpu(
+        bar.model, scene, {.method = Method::fem, .fem = {.time = FemOptions::Time::quasi_static}});
+    newton->advance_frame();
+    for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
+      const auto solver = with({.scheme = scheme})(bar.model, held);
+      for (int frame = 0; frame < 40; ++frame) solver->advance_frame();
+      const State rest = newton->state(), now = solver->state();
+      double off = 0.0, size = 0.0;
+      for (std::size_t i = 0; i < rest.u.size(); ++i) {
+        off = std::max(off, norm(now.u[i] - rest.u[i]));
+        size = std::max(size, norm(rest.u[i]));
+      }
+      EXPECT_LT(off, 0.01 * size) << (is_pressed ? "pressure" : "load");
+      EXPECT_GT(size, 0.0);
+    }
+  }
+}
+
 // What the parts of a substep see of one vertex.
 struct OneVertex {
   bool free;
@@ -156,7 +195,8 @@ TEST(HeldForces, MoveVerticesThatAreFreeAndNoOthers) {
   for (const bool free : {true, false}) {
     const OneVertex vertex{free, {1.0, 2.0, 3.0}};
     Vec3<double> held = {0.5, 0.0, -0.25}, added;
-    ApplyHeldForces<double>{&held, &added}(vertex, 0);
+    ApplyHeldForces<double>{&held}(vertex, 0);
+    KeepBeforeSweep<double>{&added}(vertex, 0);
     EXPECT_EQ(vertex.moved, (free ? Vec3<double>{1.5, 2.0, 2.75} : Vec3<double>{1.0, 2.0, 3.0}));
     vertex.moved += Vec3<double>{0.0, 4.0, 0.0};  // by the sweep
     RenewHeldForces<double>{0.5, &held, &added}(vertex, 0);
@@ -202,6 +242,55 @@ TEST(AccuracyLimit, GoesByTheSubstepsThatStabilityAsksFor) {
   EXPECT_EQ(given.time.substeps, raised.time.substeps);
   EXPECT_GT(raised.force_hold_s, 0.0);
   EXPECT_EQ(given.force_hold_s, raised.force_hold_s);
+}
+
+// Under `warn` the grid stays, and what needs no other grid is done all the same.
+TEST(AccuracyLimit, HoldsForcesUnderThePolicyThatLeavesTheGrid) {
+  StiffBar damped({10, 3, 3}, 0.45, 0.03), undamped({10, 3, 3}, 0.45, 0.0);
+  for (StiffBar* bar : {&damped, &undamped}) {
+    bar->scene.stability = StabilityPolicy::warn;
+    bar->scene.accuracy_limit = 0.01;
+    const int substeps = bar->scene.time.substeps;
+    apply_policy(bar->model, bar->scene);
+    EXPECT_EQ(bar->scene.time.substeps, substeps);
+  }
+  EXPECT_GT(damped.scene.force_hold_s, 0.0);
+  EXPECT_EQ(undamped.scene.force_hold_s, 0.0);
+}
+
+// As many as keep Cs, the bound at rest and the phase of a swing, and no more.
+TEST(FewestSubsteps, AreThoseThatStabilityMotionAndRestAskFor) {
+  const auto found = [](double stiffness, int cells, Method method = Method::xpbd) {
+    Material material = soft_tissue;
+    material.youngs_modulus = stiffness;
+    const Model model = make_box({0.1, 0.1, 0.1}, {cells, cells, cells}, material);
+    Scene scene = elastic_scene();
+    scene.time.substeps = 1;
+    scene.time.fewest_substeps = true;
+    const SolverOptions options{.method = method};
+    const Stability now = apply_policy(model, scene, options);
+    const int substeps = scene.time.substeps;
+    EXPECT_LE(now.limit.value, now.limit.at_most) << stiffness << ' ' << cells;
+    if (method == Method::xpbd) {
+      EXPECT_LE(now.sweep_error, accuracy_at_rest);
+    }
+    apply_policy(model, scene, options);
+    EXPECT_EQ(scene.time.substeps, substeps) << "once more";
+    return substeps;
+  };
+  const int few = found(5e3, 8);
+  EXPECT_LT(few, 64);
+  EXPECT_NEAR(found(5e3, 16), 2.0 * few, 0.2 * few) << "cells half as large";
+  EXPECT_NEAR(found(20e3, 8), 2.0 * few, 2.0) << "waves twice as fast";
+  // The swing of two cells to the metre is no cell's matter: sqrt(E / rho) / L decides.
+  const double swing = 0.5 * 3.14159265 * std::sqrt(5e3 / soft_tissue.density) / 0.1;
+  EXPECT_GE(found(5e3, 1), swing / 60.0 / max_phase);
+  EXPECT_EQ(found(5e3, 8, Method::fem), 1) << "steps find their own length";
+  Scene form = elastic_scene();
+  form.time.substeps = 1, form.time.fewest_substeps = true;
+  form.stability = StabilityPolicy::form;
+  apply_policy(make_cube(2), form);
+  EXPECT_EQ(form.time.substeps, TimeGrid{}.substeps);
 }
 
 TEST(SlowestFrequency, KnowsAHeavyEndForAPartOfItsBody) {

@@ -84,7 +84,7 @@ TEST(StressField, OfABentBarIsExactAtItsSurface) {
   const FemMesh mesh(model, 2);
   for (std::size_t m = model.vertex_count(); m < mesh.node_count(); ++m) {
     const Vec3<double> u = bent(mesh.rest[m] + model.origin);
-    state.history.insert(state.history.end(), {u.x, u.y, u.z});
+    state.nodes.insert(state.nodes.end(), {u.x, u.y, u.z});
   }
   const StressField field = stress_field(model, elastic_scene(), state, 2);
   const double modulus = soft_tissue.youngs_modulus * k;

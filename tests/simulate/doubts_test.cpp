@@ -39,6 +39,31 @@ TEST_F(Doubts, PiecesThatFellThroughOneAnotherAreSaid) {
       << errors;
   EXPECT_EQ(metric("overlapping_vertices"), 0);
   EXPECT_FALSE(says("inside other tissue"));
+  EXPECT_FALSE(says("nearer to one another at rest"));
+  // Nearer at rest than the thickness they are never seen.
+  double lowest = 1e9, highest = -1e9;
+  for (const auto& p : points) lowest = std::min(lowest, p[2]), highest = std::max(highest, p[2]);
+  for (std::size_t v = points.size(); v < mesh.points.size(); ++v)
+    mesh.points[v][2] += highest - lowest + 0.3 - 60.0;
+  write_vtu(path("mesh.vtu"), mesh);
+  ASSERT_EQ(run(with(two, "  viscosity:", "  viscosity:\n  self_contact:"), {"--set", "end=0.1s"}),
+            0)
+      << errors;
+  EXPECT_TRUE(says("nearer to one another at rest"));
+  EXPECT_TRUE(says("below 0.3 mm does"));
+}
+
+TEST_F(Doubts, EquilibriaInWhichBranchesHaveRelaxedAreSaid) {
+  const std::string branch =
+      with(with(drop_scene, "  viscosity:", "  prony: {modulus: 1, time: 1 s}"),
+           "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
+  const std::vector<std::string> newton = {"--set", "solver=fem", "--set", "end=0.1s"};
+  auto equilibria = newton;
+  equilibria.insert(equilibria.end(), {"--set", "fem_time=quasi_static"});
+  ASSERT_EQ(run(branch, equilibria), 0) << errors;
+  EXPECT_TRUE(says("have relaxed, however short the time"));
+  ASSERT_EQ(run(branch, newton), 0) << errors;
+  EXPECT_FALSE(says("have relaxed"));
 }
 
 TEST_F(Doubts, TissueThatIsPressedBeyondWhatItsLawBearsIsSaid) {
@@ -73,6 +98,22 @@ TEST_F(Doubts, AnObstacleNarrowerThanCellsIsSaid) {
   EXPECT_FALSE(says(words));
 }
 
+// A ball of 40 mm beside edges of 19 mm: as it is pressed in, they are stretched until it lies
+// between their ends.
+TEST_F(Doubts, AnObstacleBetweenVerticesThatItHasDrivenApartIsSaid) {
+  const auto pressed = [](const std::string& stop) {
+    return with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}",
+                "fixed: {side: inferior, within: 1 mm}\n  sphere: {center: [0 mm, 0 mm, 95.1 mm], "
+                "radius: 20 mm, velocity: [0 mm/s, 0 mm/s, -100 mm/s], stop: " +
+                    stop + "}");
+  };
+  const char* const words = "whose vertices alone it meets";
+  run(pressed("0.02 s"), {"--set", "end=0.4s"});
+  EXPECT_FALSE(says(words)) << errors;
+  run(pressed("0.3 s"), {"--set", "end=0.4s"});
+  EXPECT_TRUE(says(words)) << errors;
+}
+
 TEST_F(Doubts, ABodyWhoseMeshIsInMetresIsSaid) {
   TetMesh mesh = read_vtu(path("mesh.vtu"));
   for (auto& p : mesh.points) {
@@ -83,19 +124,6 @@ TEST_F(Doubts, ABodyWhoseMeshIsInMetresIsSaid) {
       with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {label: liver}");
   ASSERT_EQ(run(still, {"--set", "end=0.1s"}), 0) << errors;
   EXPECT_TRUE(says("lengths of a mesh are taken as millimetres"));
-}
-
-TEST_F(Doubts, StressByFrameBesideABranchThatRelaxesIsSaidToLackIt) {
-  const std::string relaxing =
-      with(drop_scene, "  viscosity:", "  viscosity:\n  prony: {modulus: 1, time: 0.1 s}");
-  ASSERT_EQ(run(relaxing, {"--set", "end=0.1s", "--set", "stress_frames=true"}), 0) << errors;
-  EXPECT_TRUE(says("Stress by frame is that of the elastic law"));
-  ASSERT_EQ(run(relaxing, {"--set", "end=0.1s", "--set", "stress=true"}), 0) << errors;
-  EXPECT_FALSE(says("effects.prony")) << "it is in it";
-  ASSERT_EQ(run(relaxing, {"--set", "end=0.1s"}), 0) << errors;
-  EXPECT_FALSE(says("effects.prony"));
-  ASSERT_EQ(run(drop_scene, {"--set", "end=0.1s", "--set", "stress_frames=true"}), 0) << errors;
-  EXPECT_FALSE(says("effects.prony"));
 }
 
 }  // namespace

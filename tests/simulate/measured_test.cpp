@@ -47,6 +47,26 @@ TEST_F(Schedules, ARunGoesOnFromACheckpointBetweenChanges) {
   EXPECT_TRUE(end_state("whole") == end_state("out"));
 }
 
+// Between frames, at .11 s: the change comes with the frame that begins at .1167 s, seven frames
+// in.
+TEST_F(Schedules, WhatIsLedGoesOnFromWhereItIs) {
+  const std::string led =
+      with(restless, "ground: {clearance: 5 mm, friction: 0.3}",
+           "prescribed: {side: superior, within: 1 mm, displacement: [0 mm, 0 mm, 12 mm], "
+           "duration: 0.2 s, ramp: linear}") +
+      "schedule:\n  - {at: 0.11 s, effects: {prescribed: {displacement: [0 mm, 0 mm, 2 mm], "
+      "duration: 0.1 s}}}\n";
+  ASSERT_EQ(run(led, {"--set", "end=0.3s"}), 0) << errors;
+  const TrajectoryReader frames(path("out") / "trajectory.h5");
+  const auto rest = frames.positions_mm(0);
+  std::size_t top = 2;
+  for (std::size_t i = 2; i < rest.size(); i += 3) top = rest[i] > rest[top] ? i : top;
+  const auto risen = [&](std::size_t frame) { return frames.positions_mm(frame)[top] - rest[top]; };
+  EXPECT_NEAR(risen(7), 7.0, 1e-3);
+  EXPECT_NEAR(risen(8), 7.0 - 5.0 / 6.0, 1e-3);
+  EXPECT_NEAR(risen(18), 2.0, 1e-3);
+}
+
 TEST_F(Schedules, ABodyAtRestWaitsForTheChangesToCome) {
   ASSERT_EQ(run(drop_scene, {}, "plain"), 0) << errors;
   const double rested = TrajectoryReader(path("plain") / "trajectory.h5").times_s().back();

@@ -166,15 +166,19 @@ TEST_F(Simulate, StressAndStrainAtTheEndAreAFileOfTheirOwn) {
   }
 }
 
+std::vector<float> stress_frame(const fs::path& folder, const char* field, std::size_t number) {
+  const hdf5::QuietHdf5 quiet;
+  const fs::path file = folder / "stress.h5";
+  const std::string name = fmt::format("/{}/{}", field, number);
+  const auto set = hdf5::open_dataset(hdf5::open_hdf5(file), file, name.c_str(), H5T_FLOAT, {0});
+  return hdf5::read_values<float>(set, file, name.c_str(), H5T_NATIVE_FLOAT);
+}
+
 // The last frame is that of stress.vtu, with the stiffness that the schedule brings; frames before
 // it comes are those of a run without it.
 TEST_F(Simulate, StressByFrameIsThatOfWhatHoldsThen) {
   const auto frame = [&](const char* field, std::size_t number) {
-    const hdf5::QuietHdf5 quiet;
-    const fs::path file = path("out") / "stress.h5";
-    const std::string name = fmt::format("/{}/{}", field, number);
-    const auto set = hdf5::open_dataset(hdf5::open_hdf5(file), file, name.c_str(), H5T_FLOAT, {0});
-    return hdf5::read_values<float>(set, file, name.c_str(), H5T_NATIVE_FLOAT);
+    return stress_frame(path("out"), field, number);
   };
   const std::string held =
       with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}");
@@ -200,6 +204,70 @@ TEST_F(Simulate, StressByFrameIsThatOfWhatHoldsThen) {
                        "--set", "fem_time=quasi_static"}),
             3);
   EXPECT_NE(errors.find("middles of edges"), std::string::npos) << errors;
+}
+
+// The places of frames tell what branches carry, of which frames keep nothing: a fourth of the
+// stress here is theirs, and two frames are the relaxation time of one. Gone on with, branches are
+// where they were.
+TEST_F(Simulate, StressByFrameHasWhatBranchesCarry) {
+  const std::string relaxing =
+      with(with(drop_scene, "ground: {clearance: 5 mm, friction: 0.3}", "fixed: {side: superior}"),
+           "  viscosity:",
+           "  viscosity:\n  prony: [{modulus: 1, time: 0.5 s}, {modulus: 1, time: 30 ms}]");
+  const std::vector<std::string> of_all = {"--set", "stress_frames=true", "--set", "stress=true"};
+  const auto expect_the_end_of = [&](const fs::path& folder, std::size_t frame) {
+    const auto last = stress_frame(folder, "von_mises_stress_kPa", frame);
+    const TetMesh end = read_vtu(folder / "stress.vtu");
+    const auto& expected = end.cell_data.at("von_mises_stress_kPa");
+    ASSERT_EQ(last.size(), expected.size());
+    double largest = 0.0;
+    for (const double stress : expected) largest = std::max(largest, stress);
+    for (std::size_t t = 0; t < last.size(); ++t)
+      EXPECT_NEAR(last[t], expected[t], 0.02 * largest) << t;
+  };
+  auto shorter = of_all;
+  shorter.insert(shorter.end(), {"--set", "end=0.2s"});
+  ASSERT_EQ(run(relaxing, shorter), 0) << errors;
+  expect_the_end_of(path("out"), 12);
+  fs::copy_file(path("out") / "checkpoint.h5", path("before.h5"));
+  shorter.insert(shorter.end(), {"--in", "checkpoint=" + path("before.h5").string()});
+  shorter[5] = "end=0.3s";
+  ASSERT_EQ(run(relaxing, shorter), 0) << errors;
+  expect_the_end_of(path("out"), 6);
+}
+
+// Frames that are equilibria have no inertia, however far the body goes from one to the next.
+TEST_F(Simulate, ForcesOfEquilibriaHaveNoInertiaInThem) {
+  const std::string led =
+      with(with(drop_scene, "  viscosity:\n", ""), "ground: {clearance: 5 mm, friction: 0.3}",
+           "fixed: {side: inferior, within: 1 mm}\n  prescribed: {side: superior, within: 1 mm, "
+           "displacement: [0 mm, 0 mm, 10 mm], duration: 0.1 s}");
+  ASSERT_EQ(run(led, {"--set", "forces=true", "--set", "solver=fem", "--set",
+                      "fem_time=quasi_static", "--set", "end=0.1s"}),
+            0)
+      << errors;
+  const auto column = [&](const std::string& name) {
+    std::istringstream table(read_file(path("out") / "metrics.csv"));
+    std::string line, cell;
+    std::getline(table, line);
+    std::istringstream heads(line);
+    std::size_t at = 0;
+    while (std::getline(heads, cell, ',') && cell != name) ++at;
+    std::vector<double> values;
+    while (std::getline(table, line)) {
+      std::istringstream cells(line);
+      for (std::size_t k = 0; k <= at; ++k) std::getline(cells, cell, ',');
+      values.push_back(cell.empty() ? std::nan("") : std::stod(cell));
+    }
+    return values;
+  };
+  const auto held = column("force_fixed_z_N"), pulled = column("force_prescribed_z_N"),
+             weight = column("force_gravity_z_N");
+  ASSERT_GE(held.size(), 5u);
+  for (std::size_t frame = 1; frame < held.size(); ++frame)
+    EXPECT_NEAR(held[frame] + pulled[frame], -weight[frame], 1e-4 * std::abs(weight[frame]))
+        << frame;
+  EXPECT_GT(pulled.back(), 0.0);
 }
 
 TEST_F(Simulate, StressThatNothingTellsIsRefused) {
@@ -394,6 +462,12 @@ TEST_F(Simulate, LandmarksThatCannotBeFollowedAreRefusedByName) {
       {"a.csv", "name,x,y,z\nall,1,2,53\n", "the name of a probe"},
       {"a.fcsv", "# CoordinateSystem = XYZ\n", "LPS or RAS"},
       {"a.mrk.json", R"({"markups": [{"controlPoints": [{"label": "tip"}]}]})", "position"},
+      {"a.mrk.json",
+       R"({"markups": [{"coordinateUnits": "m", "controlPoints": [{"label": "tip", "position": [0, 0, 0]}]}]})",
+       "coordinateUnits"},
+      {"a.mrk.json",
+       R"({"markups": [{"controlPoints": [{"label": "tip", "position": [0, 0, 0], "positionStatus": "undefined"}]}]})",
+       "positionStatus"},
       {"a.txt", "tip 1 2 3", ".csv, .fcsv, .mrk.json or .annot"},
       {"a.annot", snap.c_str(), "give the image that ITK-SNAP had open"},
       {"a.annot", cut_off.c_str(), "a coordinate in voxels"},

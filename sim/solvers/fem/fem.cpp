@@ -122,32 +122,33 @@ class FemSolver final : public Solver, public FemRest {
     }
   }
 
-  // Vertices only; those of midside nodes and effects are in the history.
   State state() const override {
     const auto n = vertex_count();
     State state{{u_.begin(), u_.begin() + n}, {v_.begin(), v_.begin() + n}, step_};
     for (const NodeField* field : {&u_, &v_})
-      append_vectors(field->begin() + n, field->end(), state.history);
+      append_vectors(field->begin() + n, field->end(), state.nodes);
     if (is_smooth_) {
       Program<double>::save_added({last_.begin(), last_.begin() + n}, state);
       for (auto last = last_.begin() + n; last != last_.end(); ++last) {
-        append_vectors(&last->u, &last->u + 1, state.history);
-        append_vectors(&last->v, &last->v + 1, state.history);
+        append_vectors(&last->u, &last->u + 1, state.nodes);
+        append_vectors(&last->v, &last->v + 1, state.nodes);
       }
-      state.history.insert(state.history.end(), {last_s_, static_cast<double>(length_.longest())});
+      state.nodes.insert(state.nodes.end(), {last_s_, static_cast<double>(length_.longest())});
     }
-    for (const auto& term : terms_) term->save_history(state.history);
+    for (std::size_t i = 0; i < terms_.size(); ++i)
+      terms_[i]->save_history(i < first_contact_ ? state.history : state.nodes);
     return state;
   }
   void set_state(const State& state) override {
     const bool has_past = knows_past(state);
-    std::span<const double> history = take_nodes(state, u_, v_);
+    std::span<const double> history = state.history, contacts = take_nodes(state, u_, v_);
     begin_anew();
-    if (has_past) take_past(state, history);
+    if (has_past) take_past(state, contacts);
     std::vector<double> shared_out;
-    if (is_of_linear_tets(state)) history = shared_out = of_linear_tets_.on_nodes(state.history);
-    knows_contact_ = !history.empty();
-    for (const auto& term : terms_) term->load_history(history);
+    if (is_of_linear_tets(state)) contacts = shared_out = of_linear_tets_.on_nodes(state.nodes);
+    knows_contact_ = !contacts.empty();
+    for (std::size_t i = 0; i < terms_.size(); ++i)
+      terms_[i]->load_history(i < first_contact_ ? history : contacts);
     step_ = state.step;
   }
   void retune(const Model& model, const Scene& scene) override {
@@ -212,13 +213,13 @@ class FemSolver final : public Solver, public FemRest {
   std::ptrdiff_t vertex_count() const { return static_cast<std::ptrdiff_t>(program_.rest.size()); }
 
   bool is_of_linear_tets(const State& state) const {
-    return of_linear_tets_.is(state.history, terms_.size() - first_contact_);
+    return of_linear_tets_.is(state.nodes, terms_.size() - first_contact_);
   }
-  // What a state knows of all nodes; returns what is left of its history.
+  // What a state knows of all nodes; returns what else it knows of them.
   std::span<const double> take_nodes(const State& state, NodeField& u, NodeField& v) const {
-    std::span<const double> history = state.history;
-    if (is_of_linear_tets(state)) history = {};
-    return sim::take_nodes(mesh_, state, history, u, v);
+    std::span<const double> known = state.nodes;
+    if (is_of_linear_tets(state)) known = {};
+    return sim::take_nodes(mesh_, state, known, u, v);
   }
 
   // What the last step has added to midside nodes, its length and that of the next.
@@ -227,13 +228,13 @@ class FemSolver final : public Solver, public FemRest {
   }
   // Whether a state is of these elements and of steps of second order.
   bool knows_past(const State& state) const {
-    const std::size_t own = this->state().history.size() - (is_smooth_ ? past_size() : 0);
-    return state.history.size() == own + past_size() && state.added_u.size() == state.u.size();
+    const std::size_t own = this->state().nodes.size() - (is_smooth_ ? past_size() : 0);
+    return state.nodes.size() == own + past_size() && state.added_u.size() == state.u.size();
   }
-  // From the front of the history. Steps of first order, and equilibria, do not need it.
-  void take_past(const State& state, std::span<const double>& history) {
-    std::span<const double> past = history.first(past_size());
-    history = history.subspan(past_size());
+  // From the front of what is left. Steps of first order, and equilibria, do not need it.
+  void take_past(const State& state, std::span<const double>& known) {
+    std::span<const double> past = known.first(past_size());
+    known = known.subspan(past_size());
     if (!is_smooth_) return;
     const auto n = static_cast<std::size_t>(vertex_count());
     for (std::size_t i = 0; i < n; ++i) last_[i] = {state.added_u[i], state.added_v[i]};

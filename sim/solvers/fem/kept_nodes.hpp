@@ -1,4 +1,4 @@
-// What states keep of the nodes beside the vertices, at the front of their history: displacements
+// What states keep of the nodes beside the vertices, at the front of State::nodes: displacements
 // and velocities of midside nodes. And the contact of linear tets, from whose states quadratic tets
 // go on. SI.
 #pragma once
@@ -12,27 +12,27 @@
 namespace viscera::sim {
 
 template <class Iterator>
-void append_vectors(Iterator begin, Iterator end, std::vector<double>& history) {
-  for (; begin != end; ++begin) history.insert(history.end(), {begin->x, begin->y, begin->z});
+void append_vectors(Iterator begin, Iterator end, std::vector<double>& known) {
+  for (; begin != end; ++begin) known.insert(known.end(), {begin->x, begin->y, begin->z});
 }
-inline Vec3<double> take_vector(std::span<const double>& history) {
-  const Vec3<double> front{history[0], history[1], history[2]};
-  history = history.subspan(3);
+inline Vec3<double> take_vector(std::span<const double>& known) {
+  const Vec3<double> front{known[0], known[1], known[2]};
+  known = known.subspan(3);
   return front;
 }
 
-// Of all nodes; midside nodes that the history has nothing of lie between their ends. Returns what
-// is left of it.
+// Of all nodes; midside nodes of which nothing is known lie between their ends. Returns what is
+// left of `known`.
 inline std::span<const double> take_nodes(const FemMesh& mesh, const State& state,
-                                          std::span<const double> history, NodeField& u,
+                                          std::span<const double> known, NodeField& u,
                                           NodeField& v) {
   u = mesh.on_nodes(state.u), v = mesh.on_nodes(state.v);
   for (NodeField* field : {&u, &v}) {
-    for (std::size_t i = state.u.size(); i < field->size() && !history.empty(); ++i) {
-      (*field)[i] = take_vector(history);
+    for (std::size_t i = state.u.size(); i < field->size() && !known.empty(); ++i) {
+      (*field)[i] = take_vector(known);
     }
   }
-  return history;
+  return known;
 }
 
 // The multipliers of linear tets, by vertex and obstacle, on the nodes of quadratic tets. Where
@@ -55,17 +55,17 @@ class ContactOfLinearTets {
     }
   }
 
-  // Whether a history is this and nothing else.
-  bool is(std::span<const double> history, std::size_t obstacles) const {
+  // Whether what is known is this and nothing else.
+  bool is(std::span<const double> known, std::size_t obstacles) const {
     return mesh_.order == 2 && obstacles > 0 &&
-           history.size() == obstacles * contact_history * vertices_;
+           known.size() == obstacles * contact_history * vertices_;
   }
 
-  std::vector<double> on_nodes(std::span<const double> history) const {
+  std::vector<double> on_nodes(std::span<const double> known) const {
     std::vector<int> edges_at(vertices_, 0);
     for (const auto& edge : edges_) ++edges_at[edge[0]], ++edges_at[edge[1]];
     std::vector<double> on_nodes;
-    for (std::size_t begin = 0; begin < history.size(); begin += contact_history * vertices_) {
+    for (std::size_t begin = 0; begin < known.size(); begin += contact_history * vertices_) {
       const std::size_t to = on_nodes.size();
       on_nodes.resize(to + contact_history * mesh_.node_count());
       for (const auto& edge : edges_) {
@@ -73,7 +73,7 @@ class ContactOfLinearTets {
         for (const int v : edge) {
           for (std::size_t k = 0; k < contact_history; ++k) {
             on_nodes[to + contact_history * middle + k] +=
-                history[begin + contact_history * v + k] / edges_at[v];
+                known[begin + contact_history * v + k] / edges_at[v];
           }
         }
       }

@@ -116,8 +116,8 @@ std::vector<Vec3<double>> FemMesh::on_nodes(std::vector<Vec3<double>> field) con
 std::vector<Vec3<double>> FemMesh::displacements(const State& state) const {
   std::vector<Vec3<double>> u = on_nodes(state.u);
   const std::size_t vertices = state.u.size();
-  for (std::size_t m = 0; 3 * (m + 1) <= state.history.size() && vertices + m < u.size(); ++m) {
-    const double* at = &state.history[3 * m];
+  for (std::size_t m = 0; 3 * (m + 1) <= state.nodes.size() && vertices + m < u.size(); ++m) {
+    const double* at = &state.nodes[3 * m];
     u[vertices + m] = {at[0], at[1], at[2]};
   }
   return u;

@@ -81,8 +81,8 @@ struct FemMesh {
 
   // A field of the vertices on all nodes: midside nodes take the mean of their ends.
   std::vector<Vec3<double>> on_nodes(std::vector<Vec3<double>> field) const;
-  // A state's displacements on all nodes: those of midside nodes stand at the front of the history
-  // of a state of finite elements of second order (fem.cpp).
+  // A state's displacements on all nodes: those of midside nodes stand at the front of State::nodes
+  // where it is of finite elements of second order.
   std::vector<Vec3<double>> displacements(const State& state) const;
 
  private:

@@ -8,7 +8,6 @@
 #include "sim/measures/compression.hpp"
 #include "sim/measures/overlap.hpp"
 #include "sim/model/surface.hpp"
-#include "sim/stress/branches.hpp"
 #include "stages/simulate/body.hpp"
 
 namespace viscera {
@@ -34,6 +33,17 @@ void doubt_overlaps(StageRun& run, const sim::Model& model, const sim::Scene& sc
                  : ", which effects.self_contact keeps apart"));
 }
 
+void doubt_near_pieces(StageRun& run, const sim::Model& model, const sim::Scene& scene) {
+  for (const auto& contact : scene.params<sim::SelfContact>()) {
+    const auto [vertices, nearest] = sim::unseen_pieces(model, contact.thickness);
+    if (vertices == 0) continue;
+    run.caveat(fmt::format(
+        "At {} vertices pieces of the body are nearer to one another at rest than the thickness of "
+        "effects.self_contact, {:.3g} mm, which never keeps these apart; one below {:.3g} mm does.",
+        vertices, m_to_mm * contact.thickness, m_to_mm * nearest));
+  }
+}
+
 void doubt_compression(StageRun& run, const sim::Model& model, const sim::Scene& scene,
                        const sim::State& end) {
   const double share = sim::share_that_gives_way(model, scene, end);
@@ -56,9 +66,30 @@ double surface_edge(const sim::Model& model) {
   return sum / count;
 }
 
+// How deep the middles of the surface's edges and faces lie in an obstacle, m.
+template <class Effect>
+double depth_of_faces(const sim::Model& model, const typename Effect::Params& obstacle,
+                      const Outcome& outcome) {
+  const auto distance = Effect::distance_at(model, obstacle, outcome.frames.back().time_s);
+  double deepest = 0.0;
+  for (const auto& face : sim::boundary_faces(model)) {
+    sim::Vec3<double> at[3], middle{};
+    for (int k = 0; k < 3; ++k) {
+      at[k] = model.rest[face[k]] + outcome.last.u[face[k]];
+      middle += (1.0 / 3.0) * at[k];
+    }
+    deepest = std::max(deepest, -distance(middle));
+    for (int k = 0; k < 3; ++k)
+      deepest = std::max(deepest, -distance(0.5 * (at[k] + at[(k + 1) % 3])));
+  }
+  return deepest;
+}
+
 // Vertices alone are kept out: an edge of length a between two of them that touch a round obstacle
 // of radius r lies r - sqrt(r^2 - a^2 / 4) inside, and beside a narrower one there is no contact.
-void doubt_narrow_obstacles(StageRun& run, const sim::Model& model, const sim::Scene& scene) {
+// As the body is stretched, its edges grow: what they have come to at the end is looked at as well.
+void doubt_narrow_obstacles(StageRun& run, const sim::Model& model, const sim::Scene& scene,
+                            const Outcome& outcome) {
   double edge = 0.0;
   sim::Effects::for_each([&]<class Effect, std::size_t i>() {
     if constexpr (Effect::kind == sim::EffectKind::contact) {
@@ -70,28 +101,18 @@ void doubt_narrow_obstacles(StageRun& run, const sim::Model& model, const sim::S
           half = 0.5 * std::min({all[k].size.x, all[k].size.y, all[k].size.z});
         if (!(half < sim::never)) continue;
         if (edge == 0.0) edge = surface_edge(model);
-        const double depth = half - std::sqrt(std::max(0.0, half * half - 0.25 * edge * edge));
+        const double below = half - std::sqrt(std::max(0.0, half * half - 0.25 * edge * edge));
+        const double depth = std::max(below, depth_of_faces<Effect>(model, all[k], outcome));
         if (depth < depth_worth_a_word * half) continue;
         run.caveat(fmt::format(
-            "effects.{} is {:.2g} mm wide beside edges of {:.2g} mm of the surface, whose vertices "
-            "alone it meets: faces may lie some {:.2g} mm inside, and gaps and forces are not "
+            "effects.{} is {:.2g} mm wide beside a surface with edges of {:.2g} mm at rest, whose "
+            "vertices alone it meets: faces may lie some {:.2g} mm inside, and gaps and forces are "
+            "not "
             "those of a finer mesh. Smaller cells mend that.",
             sim::name_of<Effect>(all, k), 2.0 * m_to_mm * half, m_to_mm * edge, m_to_mm * depth));
       }
     }
   });
-}
-
-// Of frames nothing is kept that tells what branches carry.
-void doubt_stress(StageRun& run, const sim::Model& model, const sim::Scene& scene,
-                  const sim::State& end) {
-  if (!scene.has<sim::Prony>()) return;
-  const bool is_known = sim::tells_branches(model, scene, end);
-  if (!run.param<bool>("stress_frames") && (is_known || !run.param<bool>("stress"))) return;
-  run.caveat(
-      fmt::format("{} that of the elastic law: what the branches of effects.prony carry until they "
-                  "have relaxed is not in it.",
-                  is_known ? "Stress by frame is" : "Stress is"));
 }
 
 // Of what acts on the body: more that the solver lacks of balance says that forces are not known.
@@ -117,14 +138,19 @@ void doubt_size(StageRun& run, const sim::Model& model) {
 
 }  // namespace
 
-void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file,
+void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file, bool is_static,
                    const Outcome& outcome) {
   doubt_size(run, model);
   doubt_overlaps(run, model, file.scene, outcome);
+  doubt_near_pieces(run, model, file.scene);
   doubt_compression(run, model, file.scene, outcome.last);
-  doubt_narrow_obstacles(run, model, file.scene);
-  doubt_stress(run, model, file.scene, outcome.last);
+  doubt_narrow_obstacles(run, model, file.scene, outcome);
   doubt_forces(run, outcome);
+  if (is_static && file.scene.has<sim::Prony>()) {
+    run.caveat(
+        "Frames are equilibria (fem_time: quasi_static), in which the branches of effects.prony "
+        "have relaxed, however short the time.");
+  }
 }
 
 }  // namespace viscera

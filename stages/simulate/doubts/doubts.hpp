@@ -7,7 +7,8 @@
 
 namespace viscera {
 
-void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file,
+// `is_static`: its frames are equilibria.
+void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file, bool is_static,
                    const Outcome& outcome);
 
 }  // namespace viscera

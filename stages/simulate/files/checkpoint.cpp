@@ -18,7 +18,8 @@ namespace {
 constexpr const char* duals = "/carried";    // of runs in blocks
 constexpr const char* added_u = "/added_u";  // by the last substep
 constexpr const char* added_v = "/added_v";
-constexpr const char* held = "/held";  // of runs whose elements hold their forces
+constexpr const char* held = "/held";    // of runs whose elements hold their forces
+constexpr const char* nodes = "/nodes";  // of finite elements
 constexpr const char* of_body = "/body";
 
 // The first bytes of the file, which HDF5 leaves to us (its user block): the digest of all others.
@@ -95,11 +96,13 @@ void write_checkpoint(const fs::path& path, const sim::State& state, double subs
     write_reals(file, path, added_u, {n, 3}, state.added_u.data());
     write_reals(file, path, added_v, {n, 3}, state.added_v.data());
   }
-  write_reals(file, path, "/memory", {state.history.size()}, state.history.data());
+  write_reals(file, path, "/history", {state.history.size()}, state.history.data());
   if (!state.duals.empty()) {
     write_reals(file, path, duals, {state.duals.size(), 3}, state.duals.data());
   }
   if (!state.held.empty()) write_reals(file, path, held, {state.held.size()}, state.held.data());
+  if (!state.nodes.empty())
+    write_reals(file, path, nodes, {state.nodes.size()}, state.nodes.data());
   write_dataset(file, path, "/step", H5T_STD_U64LE, H5T_NATIVE_UINT64, {1}, &state.step);
   write_reals(file, path, "/substep", {1}, &substep_s);
   if (body) write_reals(file, path, of_body, {1}, &*body);
@@ -126,7 +129,7 @@ sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim
                    read_vectors(file, path, "/v", vertices)};
   const Dataset step = open_dataset(file, path, "/step", H5T_INTEGER, {1});
   state.step = read_values<std::uint64_t>(step, path, "/step", H5T_NATIVE_UINT64)[0];
-  state.history = read_reals(file, path, "/memory", {0});
+  state.history = read_reals(file, path, "/history", {0});
   if (H5Lexists(file.id(), added_u, H5P_DEFAULT) > 0) {
     state.added_u = read_vectors(file, path, added_u, vertices);
     state.added_v = read_vectors(file, path, added_v, vertices);
@@ -135,6 +138,8 @@ sim::State read_checkpoint(const fs::path& path, std::size_t vertices, const sim
     state.duals = read_vectors(file, path, duals, 0);
   }
   if (H5Lexists(file.id(), held, H5P_DEFAULT) > 0) state.held = read_reals(file, path, held, {0});
+  if (H5Lexists(file.id(), nodes, H5P_DEFAULT) > 0)
+    state.nodes = read_reals(file, path, nodes, {0});
   const double reached = static_cast<double>(state.step) * substep;
   if (state.step % time.substeps != 0 || reached > time.end_s) {
     throw read_error(path, "/step", fmt::format("{}, time {:.6g} s", state.step, reached),

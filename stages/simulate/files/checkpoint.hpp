@@ -1,14 +1,14 @@
 // checkpoint.h5: the whole state of a run, from which it goes on to the same bits.
 //
 //   /u, /v    float64 [n][3]   displacement m, velocity m/s
-//   /memory   float64 [k]      history variables (State::history)
+//   /history  float64 [k]      of effects (State::history)
 //   /step     uint64           substeps done
 //   /substep  float64          s
 //   /body     float64          fingerprint_of() the body
 //
-// and, of solvers that have them, /added_u, /added_v, /carried and /held (sim/model/state.hpp). The
-// first 512 bytes hold the SHA-256 digest of all others, so that a damaged file is never gone on
-// from.
+// and, of solvers that have them, /added_u, /added_v, /carried, /held and /nodes
+// (sim/model/state.hpp). The first 512 bytes hold the SHA-256 digest of all others, so that a
+// damaged file is never gone on from.
 //
 // Single precision states are kept in double without loss.
 #pragma once

@@ -40,10 +40,11 @@ const std::vector<Param>& time_params() {
                "frames kept per second"),
       {.name = "substeps",
        .type = ParamType::integer,
-       .fallback = grid.substeps,
+       .fallback = fewest_substeps,
        .lo = 1.0,
        .hi = 1e6,
-       .doc = "steps a frame"},
+       .choices = {fewest_substeps},
+       .doc = "steps a frame; auto: the fewest that stability, motion and rest ask for"},
       {.name = "order",
        .type = ParamType::integer,
        .fallback = grid.order,
@@ -85,8 +86,8 @@ class SceneReader {
     read_materials(root["materials"]);
     read_effects(root["effects"]);
     read_element(root["element"]);
-    read_schedule(root["schedule"]);
     read_grid(root);
+    read_schedule(root["schedule"]);
     read_stability(root["stability"]);
     read_accuracy_limit(root["accuracy_limit"]);
     read_expect(root["expect"]);
@@ -239,7 +240,9 @@ class SceneReader {
                    fmt::format("later than {} s: changes in the order of time", before));
       }
       change_materials(item["materials"], now.materials);
+      const auto last = now.effects;
       change_effects(item["effects"], now.effects);
+      go_on_from(last, now);
       file_.schedule.push_back(now);
     }
   }
@@ -282,6 +285,19 @@ class SceneReader {
       }
       for (std::size_t k = 0; k < given; ++k) {
         read_fields<Effect>(named.IsSequence() ? named[k] : named, all[k], "schedule.");
+      }
+    });
+  }
+
+  // What is on its way goes on from where it is in the frame that the change begins with.
+  void go_on_from(const sim::Effects::Choice& last, SceneChange& now) const {
+    const double frame_s = file_.scene.time.frame_s;
+    const double time_s = frame_s * std::ceil(now.at_s / frame_s - 1e-6);
+    sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (requires { &Effect::gone_on; }) {
+        auto& all = std::get<i>(now.effects);
+        for (std::size_t k = 0; k < all.size(); ++k)
+          all[k] = Effect::gone_on(std::get<i>(last)[k], all[k], time_s);
       }
     });
   }
@@ -390,9 +406,9 @@ class SceneReader {
   void read_grid(const YAML::Node& root) {
     const Json time = resolve_map(time_params(), root["time"], "time.");
     file_.scene.time = {.frame_s = 1.0 / time["frame_rate"].get<double>(),
-                        .substeps = time["substeps"],
                         .end_s = time["end"],
                         .order = time["order"]};
+    set_substeps(time["substeps"], file_.scene.time);
     const Json rest = resolve_map(rest_params(), root["rest"], "rest.");
     file_.scene.rest = {
         .speed = rest["speed"], .hold_s = rest["hold"], .residual = rest["residual"]};
@@ -453,6 +469,11 @@ class SceneReader {
 };
 
 }  // namespace
+
+void set_substeps(const Json& given, sim::TimeGrid& time) {
+  time.fewest_substeps = given.is_string();
+  time.substeps = given.is_string() ? 1 : given.get<int>();
+}
 
 SceneFile read_scene(const fs::path& path, const Json& changes) {
   return SceneReader(path).read(changes);

@@ -42,6 +42,11 @@ struct SceneFile {
 // ({"materials.liver.E": "7 kPa"}); the text `off` takes out what stands there.
 SceneFile read_scene(const std::filesystem::path& path, const Json& changes = Json::object());
 
+// The word for as many as the policy finds to be enough (TimeGrid::fewest_substeps), which may
+// stand where a number of substeps does; and either of them, as a param has it.
+inline constexpr const char* fewest_substeps = "auto";
+void set_substeps(const Json& given, sim::TimeGrid& time);
+
 // What a scene says of a material: E, nu, density and damping.
 const std::vector<Param>& material_params();
 

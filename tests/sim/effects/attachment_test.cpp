@@ -75,6 +75,61 @@ TEST(Attachment, APrescribedVertexFollowsItsRampWhateverPulls) {
   }
 }
 
+// A way in parts: changed half way, it goes on from where it is, to the new end and in the new
+// time.
+TEST(Attachment, APathThatIsChangedOnItsWayGoesOnFromWhereItIs) {
+  Prescribed::Params first;
+  first.displacement = {0.0, 0.0, 0.01}, first.start = 0.1, first.duration = 0.2;
+  first.ramp = "linear";
+  const auto place = [](const Prescribed::Params& path, double time) {
+    return Prescribed::target(Prescribed::path<double>(path), {}, time);
+  };
+  Prescribed::Params next = first;
+  next.displacement = {0.004, 0.0, 0.0}, next.duration = 0.1;
+  next = Prescribed::gone_on(first, next, 0.2);
+  const Vec3<double> half_way = {0.0, 0.0, 0.005};
+  EXPECT_LT(norm(place(next, 0.2) - half_way), 1e-15);
+  EXPECT_LT(norm(place(next, 0.25) - Vec3<double>{0.002, 0.0, 0.0025}), 1e-15);
+  EXPECT_LT(norm(place(next, 0.3) - next.displacement), 1e-15);
+  EXPECT_DOUBLE_EQ(Prescribed::ends(next), 0.3);
+  Prescribed::Params back = next;
+  back.displacement = {0.0, 0.0, 0.0};
+  EXPECT_DOUBLE_EQ(Prescribed::ends(Prescribed::gone_on(next, back, 0.5)), 0.6);
+  Prescribed::Params same = first;
+  same.within = 0.5;
+  EXPECT_EQ(Prescribed::gone_on(first, same, 0.2).start, first.start) << "it is on the same way";
+  Prescribed::Params later = first;
+  later.start = 1.0;
+  later = Prescribed::gone_on(first, later, 0.2);
+  EXPECT_LT(norm(place(later, 0.9) - half_way), 1e-15) << "it waits";
+}
+
+TEST(Attachment, AnObstacleWhoseVelocityIsChangedGoesOnFromWhereItIs) {
+  using Ball = Collider<Sphere>;
+  const Model model = make_cube(1);
+  Ball::Params first;
+  first.center = {0.0, 0.0, 1.0}, first.radius = 0.01, first.velocity = {0.0, 0.0, -0.1};
+  first.start = 0.5;
+  const auto height = [&](const Ball::Params& ball, double time) {
+    return Ball::distance_at(model, ball, time)(-1.0 * model.origin) + ball.radius;
+  };
+  EXPECT_NEAR(height(first, 1.5), 0.9, 1e-12);
+  Ball::Params next = first;
+  next.velocity = {0.0, 0.0, 0.2};
+  next = Ball::gone_on(first, next, 1.5);
+  EXPECT_NEAR(height(next, 1.5), 0.9, 1e-12);
+  EXPECT_NEAR(height(next, 2.0), 1.0, 1e-12);
+  const auto device = Ball::device<double>(model, next);
+  EXPECT_NEAR(norm(device.anchor + model.origin), 0.9, 1e-12) << "solvers are told so, too";
+  Ball::Params stands = next;
+  stands.velocity = {};
+  stands = Ball::gone_on(next, stands, 2.0);
+  EXPECT_NEAR(height(stands, 9.0), 1.0, 1e-12) << "it stays where it has come to";
+  Ball::Params put = stands;
+  put.center = {0.0, 0.0, 0.5};
+  EXPECT_NEAR(height(Ball::gone_on(stands, put, 3.0), 4.0), 0.5, 1e-12) << "as it was told";
+}
+
 TEST(Attachment, EveryVertexIsLedAlsoTheFirstOfAThreadsShare) {
   const Model model = make_cube(3);
   Scene scene = hanging_scene();
