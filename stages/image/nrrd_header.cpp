@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 
 #include "stages/image/header_checks.hpp"
 
@@ -84,7 +85,26 @@ TextHeader read_nrrd_lines(const HeaderChecks& checks) {
   return header;
 }
 
+// Lengths are taken as millimetres, by ITK as here, whatever the header says.
+void check_units(const HeaderChecks& checks, const TextHeader& header) {
+  static const std::vector<std::string> millimetres = {"mm", "millimeter", "millimeters",
+                                                       "millimetre", "millimetres"};
+  for (const char* const name : {"space units", "units"}) {
+    if (!header.has(name)) continue;
+    std::string text = header.field(checks, name);
+    std::ranges::replace(text, '"', ' ');
+    std::istringstream words(text);
+    for (std::string unit; words >> unit;) {
+      const bool is_millimetres = std::ranges::count(millimetres, unit) > 0;
+      // Of an axis of layers there is none.
+      if (is_millimetres || unit == "none" || unit == "???") continue;
+      checks.refuse(name, fmt::format("'{}'", unit), "mm");
+    }
+  }
+}
+
 void check_vectors(const HeaderChecks& checks, const TextHeader& header, bool layered) {
+  check_units(checks, header);
   if (header.has("space origin")) {
     checks.finite("space origin",
                   checks.numbers("space origin", header.field(checks, "space origin")));

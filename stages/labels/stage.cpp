@@ -242,12 +242,38 @@ void report_overlaps(StageRun& run, const LabelImage& image, const std::vector<O
   run.metric("overlaps", list);
 }
 
+// Of a label, of which less than this is left out in bodies beside the largest: crumbs.
+constexpr double share_worth_a_word = 0.01;
+
+// What `keep` has left out, where it is more than crumbs.
+void report_left_out(StageRun& run, const std::map<int, std::size_t>& before,
+                     const LabelImage& body) {
+  const auto after = count_labels(body);
+  const double ml_per_voxel = body.frame.voxel_volume() / 1000.0;
+  std::vector<std::string> parts;
+  for (const auto& [id, voxels] : before) {
+    const auto left = after.find(id);
+    const std::size_t lost = voxels - (left == after.end() ? 0 : left->second);
+    if (static_cast<double>(lost) < share_worth_a_word * static_cast<double>(voxels)) continue;
+    parts.push_back(fmt::format("{:.3g} of {:.3g} ml of {}",
+                                ml_per_voxel * static_cast<double>(lost),
+                                ml_per_voxel * static_cast<double>(voxels), body.names.at(id)));
+  }
+  if (parts.empty()) return;
+  run.caveat(
+      fmt::format("The body is the largest that hangs together, without {}; keep: all takes "
+                  "all of it.",
+                  fmt::join(parts, ", ")));
+}
+
 void clean(StageRun& run, LabelImage& body, std::size_t min_voxels) {
   Cleaning cleaning;
   const auto keep = run.param<std::string>("keep");
   absorb_specks(body, min_voxels, run.param<std::string>("cavities") == "all", cleaning);
+  const auto before = count_labels(body);
   if (keep == "each") keep_largest_of_each(body, cleaning);
   if (keep != "all") keep_largest_body(body, cleaning);
+  report_left_out(run, before, body);
   report_cleaning(run, cleaning);
 }
 
@@ -305,8 +331,10 @@ CleanLabels clean_labels(StageRun& run, const Segmentation& segmentation) {
   }
   for (const auto& material : materials) {
     if (left.count(material.ids.front())) continue;
-    log::warn("{}: nothing is left of it after cleaning; lower min_component or keep all bodies",
-              material.name);
+    run.caveat(
+        fmt::format("Nothing is left of {} after cleaning; a smaller min_component, or "
+                    "keep: all, may leave some.",
+                    material.name));
     body.names.erase(material.ids.front());
   }
   report_bridges(run, body, min_voxels);
@@ -330,7 +358,7 @@ Stage labels_stage() {
   Stage stage;
   stage.info = {
       .name = "labels",
-      .version = "3",
+      .version = "4",
       .doc = "A segmented volume to one clean, cropped label volume.",
       .inputs = {{.role = "volume",
                   .many = true,

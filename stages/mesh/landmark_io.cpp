@@ -130,7 +130,19 @@ Landmarks read_markups(const fs::path& path) {
     const auto frame = markup.find("coordinateSystem");
     const bool ras = frame && is_ras(path, "coordinateSystem", frame->text());
     landmarks.were_ras |= ras;
+    // A word, or a list of a code, its scheme and its meaning.
+    const auto unit = markup.find("coordinateUnits");
+    if (unit && unit->raw().dump().find("\"mm\"") == std::string::npos) {
+      throw bad_file(path, "coordinateUnits", unit->raw().dump(), "\"mm\"");
+    }
     for (const JsonValue& point : markup["controlPoints"].items()) {
+      // Slicer keeps points that someone has yet to place, with a position all the same.
+      const auto status = point.find("positionStatus");
+      if (status && status->text() != "defined") {
+        throw bad_file(path, "positionStatus",
+                       "'" + status->text() + "' of " + point["label"].text(),
+                       "defined: a point that has been placed");
+      }
       std::array<double, 3> at{};
       for (std::size_t k = 0; k < 3; ++k) at[k] = point["position"][k].number();
       landmarks.all.push_back(landmark_of(point["label"].text(), at, ras));

@@ -312,6 +312,28 @@ TEST(Clean, OnlyTheLargestBodyStaysAndItsPlaceIsKept) {
   EXPECT_EQ(count_labels(cropped), count_labels(image));
 }
 
+// A second body with the tumour in it, and a speck of a vessel: no gate compares with what was
+// segmented, so the report begins with it.
+TEST_F(Labels, WhatIsLeftOutOfTheBodyIsSaidFirst) {
+  LabelImage image = testing::draw(40, {1, 1, 1}, [](double x, double y, double z) {
+    if (std::hypot(x - 13, y, z) < 2.0) return 2;
+    if (std::hypot(x + 7, y, z) < 1.2) return 3;
+    return std::hypot(x + 7, y, z) < 9.0 || std::hypot(x - 13, y, z) < 5.0 ? 1 : 0;
+  });
+  image.names = {{1, "liver"}, {2, "tumour"}, {3, "vessel"}};
+  const auto caveats_of = [&](const std::vector<std::string>& settings) {
+    const auto outcome = run(write("two.nrrd", image), settings);
+    EXPECT_EQ(outcome.code, 0) << outcome.log;
+    return caveats().dump();
+  };
+  const std::string largest = caveats_of({"min_component=0.02ml"});
+  EXPECT_NE(largest.find(" of liver, "), std::string::npos) << largest;
+  EXPECT_NE(largest.find(" of tumour; keep: all"), std::string::npos) << largest;
+  EXPECT_NE(largest.find("Nothing is left of tumour"), std::string::npos) << largest;
+  EXPECT_NE(largest.find("Nothing is left of vessel"), std::string::npos) << largest;
+  EXPECT_EQ(caveats_of({"min_component=0ml", "keep=all"}), "[]");
+}
+
 TEST(Clean, AllCavitiesAreFilledAndOnlyTheLargestOfEachLabelStaysWhereAsked) {
   LabelImage image = testing::draw(24, {1, 1, 1}, [](double x, double y, double z) {
     const double r = std::hypot(x, y, z);

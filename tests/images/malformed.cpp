@@ -148,6 +148,7 @@ void add_nrrd(Corpus& corpus) {
   spoilt("odd_dimension.nrrd", "dimension", "99999", "sizes");
   spoilt("unknown_type.nrrd", "type", "block", "type");
   spoilt("bzip2.nrrd", "encoding", "bzip2", "encoding");
+  spoilt("centimetres.nrrd", "encoding", "raw\nspace units: \"cm\" \"cm\" \"cm\"", "space units");
   spoilt("singular.nrrd", "space directions", "(1,0,0) (2,0,0) (0,0,2)", "space directions");
   spoilt("nan_axis.nrrd", "space directions", "(1,0,0) (0,nan,0) (0,0,2)", "space directions");
   spoilt("two_axes.nrrd", "space directions", "(1,0,0) (0,1,0)", "space directions");

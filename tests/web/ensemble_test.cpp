@@ -31,7 +31,10 @@ class Ensembles : public testing::Test {
     one.name = std::to_string(count_);
     one.trajectory = std::make_shared<TrajectoryReader>(folder / "trajectory.h5");
     const Json input{{"role", "mesh"}, {"path", "mesh.vtu"}, {"sha256", mesh_name}};
-    one.manifest = {{"exit", 0}, {"inputs", Json::array({input})}};
+    one.manifest = {{"exit", 0},
+                    {"inputs", Json::array({input})},
+                    {"metrics", Json::array({{{"name", "rest_time"}, {"value", 1.5}}})},
+                    {"gates", Json::array({{{"name", "inverted_end"}, {"passed", true}}})}};
     return one;
   }
 
@@ -61,6 +64,20 @@ TEST_F(Ensembles, WhatDivergedIsLeftOutByNameAndOneRunIsNone) {
   EXPECT_EQ(ensemble.json["left_out"], Json::array({lost.name}));
   EXPECT_NEAR(ensemble.json["largest_spread_mm"].get<double>(), 2.0, 1e-4);
   EXPECT_THROW(ensemble_of({&a, &lost}), Error);
+}
+
+// They are in it, and said: leaving out what fails would make a spread look small.
+TEST_F(Ensembles, MembersThatFailedAGateOrWereNotAtRestAreSaid) {
+  ComparedRun a = run(1.0), b = run(5.0), c = run(3.0);
+  EXPECT_TRUE(ensemble_of({&a, &b, &c}).json["failed_gates"].empty());
+  b.manifest["gates"][0]["passed"] = false;
+  c.manifest["metrics"][0]["value"] = nullptr;
+  const Json found = ensemble_of({&a, &b, &c}).json;
+  EXPECT_EQ(found["runs"], 3);
+  EXPECT_EQ(found["failed_gates"], Json::array({b.name}));
+  EXPECT_EQ(found["not_at_rest"], Json::array({c.name}));
+  for (ComparedRun* run : {&a, &b}) run->manifest["metrics"][0]["value"] = nullptr;
+  EXPECT_TRUE(ensemble_of({&a, &b, &c}).json["not_at_rest"].empty()) << "no run was to rest";
 }
 
 TEST_F(Ensembles, RunsOfDifferentMeshesAreRefused) {

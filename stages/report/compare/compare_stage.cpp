@@ -1,5 +1,8 @@
 #include "stages/report/compare/compare_stage.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 
 #include "pipeline/base/atomic_file.hpp"
@@ -16,7 +19,7 @@
 namespace viscera {
 namespace {
 
-constexpr const char* version = "5";
+constexpr const char* version = "6";
 
 Param list(const char* name, Json fallback, const char* doc) {
   return {.name = name, .type = ParamType::list, .fallback = std::move(fallback), .doc = doc};
@@ -229,6 +232,16 @@ void compare(StageRun& run) {
   if (const RunList members = runs_of(run, runs, "ensemble"); !members.empty()) {
     const Ensemble ensemble = ensemble_of(members);
     report["ensemble"] = ensemble.json;
+    const std::pair<const char*, const char*> doubtful[] = {
+        {"left_out", "diverged and are left out"},
+        {"failed_gates", "failed gates and are in it"},
+        {"not_at_rest", "were not at rest, as others were, and are in it"}};
+    for (const auto& [list, words] : doubtful) {
+      const auto names = ensemble.json[list].get<std::vector<std::string>>();
+      if (names.empty()) continue;
+      run.caveat(fmt::format("Of the ensemble's {} runs {} {}: {}.", members.size(), names.size(),
+                             words, fmt::join(names, ", ")));
+    }
     report["figures"].push_back(
         figure_json(run, "ensemble.png", "ensemble", ensemble_figure(*members.front(), ensemble)));
     for (const auto& label : ensemble.json["labels"]) {

@@ -32,6 +32,25 @@ RunList counted(const RunList& runs, Json& left_out) {
                                      .allowed = "two or more"});
 }
 
+// Runs whose end a gate objects to, and those that others were at rest for: their shapes are in the
+// means, and may say more of a run that was too short than of its materials.
+Json failed(const RunList& runs) {
+  Json names = Json::array();
+  for (const auto* run : runs) {
+    const auto fails = [](const Json& gate) { return !gate["passed"].get<bool>(); };
+    if (std::ranges::any_of(run->manifest["gates"], fails)) names.push_back(run->name);
+  }
+  return names;
+}
+
+Json still_moving(const RunList& runs) {
+  Json names = Json::array();
+  for (const auto* run : runs) {
+    if (!run->metric("rest_time")) names.push_back(run->name);
+  }
+  return names.size() < runs.size() ? names : Json::array();
+}
+
 // Centre of the volume of each label's tets.
 std::map<int, Point> centres(const TetMesh& mesh, const std::vector<float>& xyz) {
   std::map<int, Point> sums;
@@ -145,10 +164,9 @@ Ensemble ensemble_of(const RunList& runs) {
         label_json(name == mesh.label_names.end() ? std::to_string(label) : name->second,
                    before.at(label), points));
   }
-  ensemble.json = {{"runs", kept.size()},
-                   {"left_out", left_out},
-                   {"largest_spread_mm", largest},
-                   {"labels", labels}};
+  ensemble.json = {{"runs", kept.size()},          {"left_out", left_out},
+                   {"failed_gates", failed(kept)}, {"not_at_rest", still_moving(kept)},
+                   {"largest_spread_mm", largest}, {"labels", labels}};
   return ensemble;
 }
 
