@@ -8,12 +8,12 @@
 // can only fall: damping, friction and impacts take from it. It may not rise above the least that
 // it has been by more than `energy_share` of the most motion that there has been (kinetic energy
 // and what is stored in tets, beds and branches), or by what strains the whole body by a
-// thousandth. The share
-// covers what frames and steps leave undecided: the energy at the end of a substep, and how the
-// edge of a patch under pressure goes from one frame to the next. (The work is that of the cubic
-// paths that have the places and velocities of both frames; on a closed surface, or one whose edge
-// is held, that of a pressure depends on no path.) The phantom that lands (10,246 tets, damped or
-// not, XPBD in every order and explicit dynamics) rose by 1.3e-5 of its motion at most.
+// thousandth. The share covers what frames and steps leave undecided: the energy at the end of a
+// substep. The work of a pressure hangs on how the edge of its patch goes from one frame to the
+// next: it is taken along cubics that have the places and velocities of both frames, and M may rise
+// by as much as straight lines would make of a difference, too. (On a closed surface, or one whose
+// edge is held, there is none.) The phantom that lands (10,246 tets, damped or not, XPBD in every
+// order and explicit dynamics) rose by 1.3e-5 of its motion at most.
 //
 // Speed. Otherwise the energy that comes in is not known. Particles of an elastic body move as fast
 // as strain waves times the strain, so that none is faster than
@@ -43,6 +43,7 @@ class EnergyWatch {
     double least = 0.0;         // J, M
     double motion = 0.0;        // J, the most
     double work = 0.0;          // J, of loads and pressure
+    double doubt = 0.0;         // J, what of it hangs on the path between frames
     double displacement = 0.0;  // m, the largest
     bool begun = false;         // whether energies are watched yet
   };
@@ -59,13 +60,18 @@ class EnergyWatch {
   template <class Effect>
   using Slot = Prepared<Effect, double>;
 
-  double stored(const State& now) const;                     // J, in beds and branches
-  double work(const State& before, const State& now) const;  // J, of loads and pressure
+  struct Work {
+    double sum, doubt;  // J, of loads and pressure, and how much less or more on straight paths
+  };
+
+  double stored(const State& now) const;  // J, in beds and branches
+  Work work(const State& before, const State& now) const;
   std::string too_fast(const Diagnostics& sums, double time_s, const Course& course) const;
 
   const Model& model_;
   const Scene& scene_;
   Effects::Slots<Slot> on_;  // only those that are evaluated
+  bool has_loads_ = false;   // whether loads or pressure do work
   bool closed_;              // whether energies are known once the loads have ended
   double loads_end_s_;
   double min_energy_;  // J, below which nothing is judged

@@ -78,7 +78,7 @@ std::array<double, 2> integrate_quadratic(const Model& model, const State& state
     std::array<Vec3<double>, 10> u;
     for (int i = 0; i < 10; ++i) {
       const std::size_t node = mesh.quadratic[t].nodes[i], v = model.vertex_count();
-      const double* const m = node < v ? nullptr : &state.history[3 * (node - v)];
+      const double* const m = node < v ? nullptr : &state.nodes[3 * (node - v)];
       u[i] = m ? Vec3<double>{m[0], m[1], m[2]} : state.u[node];
     }
     double energies = 0.0, volumes = 0.0;
@@ -153,7 +153,7 @@ TEST(FemMetrics, QuadraticTetsMoveWithTheirOwnMassMatrix) {
     const auto solver = make_on_cpu(model, scene, options);
     State state = solver->state();
     for (auto& v : state.v) v = {3.0, 0.0, 4.0};
-    state.history.clear();
+    state.nodes.clear();
     solver->set_state(state);
     const Diagnostics now = solver->diagnose(model, scene, solver->state());
     EXPECT_NEAR(now.kinetic, 12.5 * mass, 1e-12 * mass);

@@ -85,11 +85,11 @@ SolverOptions equilibrium_of(int order) {
   return options;
 }
 
-// All nodes' displacements: those of midside nodes are what a state's memory begins with.
+// All nodes' displacements: those of midside nodes are what State::nodes begins with.
 NodeField node_displacements(const State& state, const FemMesh& mesh) {
   NodeField u = state.u;
   for (std::size_t m = 0; m < mesh.parents.size(); ++m) {
-    u.push_back({state.history[3 * m], state.history[3 * m + 1], state.history[3 * m + 2]});
+    u.push_back({state.nodes[3 * m], state.nodes[3 * m + 1], state.nodes[3 * m + 2]});
   }
   return u;
 }

@@ -73,7 +73,7 @@ class CpuSelfContact {
     }
     team.barrier();
     const Moved moved = look_for_candidates(team, rank, body);
-    const double reach = contact_reach(thickness_, moved.now);
+    const double reach = contact_reach(distance, moved.now);
     const double reached_then = reach + 2.0 * moved.since;
     own_[rank].clear();
     for (const auto& [then, triangle, vertex] : candidates_[rank]) {
@@ -136,7 +136,7 @@ class CpuSelfContact {
     if (margin_ > 0.0 && known) return all;
     team.barrier();  // all have read the margin
     if (rank == 0) {
-      margin_ = std::max(2.0 * thickness_, 8.0 * all.now);
+      margin_ = std::max(thickness_, 8.0 * all.now);
       found_at_ = starts_;
       pairs_.place(found_at_, thickness_ + margin_);
     }

@@ -99,8 +99,8 @@ constexpr int max_on_triangle = 1024;  // vertices: more are sorted too slowly, 
 // Counts the vertices that touch each triangle, or lists them, ascending, where they were counted.
 template <class T>
 __global__ void find_pairs(bool lists, int triangles, SurfaceGrid grid, ContactBody<T> body,
-                           double thickness, double distance, const unsigned* largest_motion,
-                           int* counts, ContactList list) {
+                           double distance, const unsigned* largest_motion, int* counts,
+                           ContactList list) {
   const int t = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (t >= triangles) return;
   int count = 0;
@@ -110,7 +110,7 @@ __global__ void find_pairs(bool lists, int triangles, SurfaceGrid grid, ContactB
     own = list.pairs + list.begin[t];
   }
   const double reach =
-      contact_reach(thickness, static_cast<double>(__uint_as_float(*largest_motion)));
+      contact_reach(distance, static_cast<double>(__uint_as_float(*largest_motion)));
   grid.for_each_near(
       t, reach, [&](int vertex) { return body.start(vertex); },
       [&](int vertex) {
@@ -275,9 +275,9 @@ class CudaSelfContact {
         cell_,           sorted_keys_.get(),   placed_.get(), count, triangles_.get(),
         left_out_.get(), left_out_begin_.get()};
     const auto find = [&](bool lists) {
-      find_pairs<T><<<blocks(triangles), threads, 0, stream>>>(
-          lists, triangles, grid, body, thickness_, distance, largest_motion_.get(), counts_.get(),
-          list.view());
+      find_pairs<T><<<blocks(triangles), threads, 0, stream>>>(lists, triangles, grid, body,
+                                                               distance, largest_motion_.get(),
+                                                               counts_.get(), list.view());
     };
     find(false);
     std::size_t bytes = work_.size();
