@@ -163,6 +163,18 @@ TEST_F(Stiffness, AUniformVolumeIsTheMaterialThatItMeasures) {
   EXPECT_EQ(metric("stiffness_missing_tets"), 0);
 }
 
+TEST_F(Stiffness, AScheduleCannotChangeWhatWasMeasured) {
+  const auto changed = [](const std::string& what) {
+    return std::string(drop_scene) + "schedule: [{at: 0.05 s, materials: {liver: {" + what +
+           "}}}]\n";
+  };
+  const std::string file = write("e.nrrd", [](double) { return 8.0; });
+  EXPECT_EQ(run(changed("E: 9 kPa"), {"--set", "end=0.1s", "--in", file}), 3);
+  EXPECT_NE(errors.find("schedule.materials.liver.E"), std::string::npos) << errors;
+  EXPECT_NE(errors.find("162 tets with a measured E"), std::string::npos) << errors;
+  EXPECT_EQ(run(changed("nu: 0.4"), {"--set", "end=0.1s", "--in", file}), 0) << errors;
+}
+
 TEST_F(Stiffness, ALinearFieldIsSampledExactlyAndItsMeanIsThatOfTheBody) {
   const std::string file = write("e.nrrd", [](double x) { return 4.5 + 0.1 * x; });
   ASSERT_EQ(run(drop_scene, {"--set", "end=0.02s", "--in", file}), 0) << errors;
