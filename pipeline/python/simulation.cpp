@@ -125,7 +125,7 @@ Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep,
 
 void Simulation::tell(const Outcome& outcome) {
   StageRun told = run_;
-  report_outcome(told, body(), setup_.file, *schedule_, outcome);
+  report_outcome(told, body(), setup_.file, *schedule_, options_, outcome);
   report_probes(told, body(), probes_, outcome);
   report_gaps(told, gaps_, outcome);
   if (outcome.divergence.empty()) {

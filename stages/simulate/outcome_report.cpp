@@ -13,8 +13,10 @@
 #include "sim/measures/inverted.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
+#include "stages/simulate/doubts/doubts.hpp"
 #include "stages/simulate/gates.hpp"
 #include "stages/simulate/probes.hpp"
+#include "stages/simulate/setup.hpp"
 
 namespace viscera {
 
@@ -178,7 +180,8 @@ void report_forces(StageRun& run, const Outcome& outcome) {
 }  // namespace
 
 void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& file,
-                    const Schedule& schedule, const Outcome& outcome) {
+                    const Schedule& schedule, const sim::SolverOptions& options,
+                    const Outcome& outcome) {
   const auto on = effects_on(file.scene);
   std::vector<std::string> off;
   for (const auto& name : effect_names()) {
@@ -209,6 +212,7 @@ void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& fil
   run.metric("displacement_max_end", m_to_mm * last.now.max_displacement, "mm");
   report_shape(run, model, outcome);
   report_forces(run, outcome);
+  if (outcome.divergence.empty()) report_doubts(run, model, file, is_static(options), outcome);
   run.metric("state_hash_end", fmt::format("{:016x}", last.state_hash));
 }
 

@@ -9,7 +9,8 @@
 namespace viscera {
 
 void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& file,
-                    const Schedule& schedule, const Outcome& outcome);
+                    const Schedule& schedule, const sim::SolverOptions& options,
+                    const Outcome& outcome);
 
 // How a run ended, in words: at rest and what it waited for, or what kept it from resting.
 std::string ending(const Outcome& outcome);

@@ -20,7 +20,6 @@
 #include "stages/mesh/export_text.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
-#include "stages/simulate/doubts/doubts.hpp"
 #include "stages/simulate/error_report.hpp"
 #include "stages/simulate/estimate.hpp"
 #include "stages/simulate/exchange/static_problem.hpp"
@@ -335,8 +334,7 @@ void simulate(StageRun& run) {
   write_checkpoint(run.out("checkpoint.h5"), outcome.last, file.scene.time.substep_s(),
                    fingerprint_of(model));
   write_metrics(run.out("metrics.csv"), model, probes, gaps, outcome);
-  report_outcome(run, model, file, schedule, outcome);
-  if (outcome.divergence.empty()) report_doubts(run, model, file, is_static(options), outcome);
+  report_outcome(run, model, file, schedule, options, outcome);
   report_probes(run, model, probes, outcome);
   report_gaps(run, gaps, outcome);
   write_landmarks(run, model, probes, outcome.frames.back().probes, landmarks_in);
