@@ -270,10 +270,12 @@ void clean(StageRun& run, LabelImage& body, std::size_t min_voxels) {
   Cleaning cleaning;
   const auto keep = run.param<std::string>("keep");
   absorb_specks(body, min_voxels, run.param<std::string>("cavities") == "all", cleaning);
-  const auto before = count_labels(body);
-  if (keep == "each") keep_largest_of_each(body, cleaning);
-  if (keep != "all") keep_largest_body(body, cleaning);
-  report_left_out(run, before, body);
+  if (keep != "all") {
+    const auto before = count_labels(body);
+    if (keep == "each") keep_largest_of_each(body, cleaning);
+    keep_largest_body(body, cleaning);
+    report_left_out(run, before, body);
+  }
   report_cleaning(run, cleaning);
 }
 

@@ -57,9 +57,9 @@ void doubt_compression(StageRun& run, const sim::Model& model, const sim::Scene&
 }
 
 // The mean over the edges of the surface's triangles at rest, m.
-double surface_edge(const sim::Model& model) {
+double mean_edge(const sim::Model& model, const std::vector<sim::Triangle>& faces) {
   double sum = 0.0, count = 0.0;
-  for (const auto& face : sim::boundary_faces(model)) {
+  for (const auto& face : faces) {
     for (int k = 0; k < 3; ++k, ++count)
       sum += norm(model.rest[face[k]] - model.rest[face[(k + 1) % 3]]);
   }
@@ -68,11 +68,11 @@ double surface_edge(const sim::Model& model) {
 
 // How deep the middles of the surface's edges and faces lie in an obstacle, m.
 template <class Effect>
-double depth_of_faces(const sim::Model& model, const typename Effect::Params& obstacle,
-                      const Outcome& outcome) {
+double depth_of_faces(const sim::Model& model, const std::vector<sim::Triangle>& faces,
+                      const typename Effect::Params& obstacle, const Outcome& outcome) {
   const auto distance = Effect::distance_at(model, obstacle, outcome.frames.back().time_s);
   double deepest = 0.0;
-  for (const auto& face : sim::boundary_faces(model)) {
+  for (const auto& face : faces) {
     sim::Vec3<double> at[3], middle{};
     for (int k = 0; k < 3; ++k) {
       at[k] = model.rest[face[k]] + outcome.last.u[face[k]];
@@ -90,6 +90,7 @@ double depth_of_faces(const sim::Model& model, const typename Effect::Params& ob
 // As the body is stretched, its edges grow: what they have come to at the end is looked at as well.
 void doubt_narrow_obstacles(StageRun& run, const sim::Model& model, const sim::Scene& scene,
                             const Outcome& outcome) {
+  std::vector<sim::Triangle> faces;
   double edge = 0.0;
   sim::Effects::for_each([&]<class Effect, std::size_t i>() {
     if constexpr (Effect::kind == sim::EffectKind::contact) {
@@ -100,9 +101,12 @@ void doubt_narrow_obstacles(StageRun& run, const sim::Model& model, const sim::S
         if constexpr (requires { all[k].size; })
           half = 0.5 * std::min({all[k].size.x, all[k].size.y, all[k].size.z});
         if (!(half < sim::never)) continue;
-        if (edge == 0.0) edge = surface_edge(model);
+        if (faces.empty()) {
+          faces = sim::boundary_faces(model);
+          edge = mean_edge(model, faces);
+        }
         const double below = half - std::sqrt(std::max(0.0, half * half - 0.25 * edge * edge));
-        const double depth = std::max(below, depth_of_faces<Effect>(model, all[k], outcome));
+        const double depth = std::max(below, depth_of_faces<Effect>(model, faces, all[k], outcome));
         if (depth < depth_worth_a_word * half) continue;
         run.caveat(fmt::format(
             "effects.{} is {:.2g} mm wide beside a surface with edges of {:.2g} mm at rest, whose "
