@@ -25,6 +25,16 @@ bool needs_all_of_lambda(const Effects::Choice& effects) {
 
 }  // namespace
 
+std::string laws_to_smooth() {
+  std::vector<std::string> names;
+  for_each_smoothed([&]<class Effect>() { names.emplace_back(Effect::Law::name); });
+  std::string words;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    words += (i == 0 ? "" : i + 1 < names.size() ? ", " : " or ") + names[i];
+  }
+  return words;
+}
+
 bool has_law_to_smooth(const Scene& scene) {
   bool has_law = false;
   for_each_smoothed([&]<class Effect>() {
@@ -37,8 +47,7 @@ std::string why_not_smoothed(const Scene& scene, const SolverOptions& options) {
   if (options.method == Method::fem && options.fem.order == 2)
     return "quadratic tets are asked for";
   if (!has_law_to_smooth(scene)) {
-    return "the scene has none of neo_hookean, mooney_rivlin and ogden, which alone can be "
-           "smoothed";
+    return "the scene has no " + laws_to_smooth() + ", which alone can be smoothed";
   }
   if (options.method == Method::pbd) return "PBD knows no strain to average";
   if (needs_all_of_lambda(scene.effects)) {
@@ -61,7 +70,7 @@ ElementChoice choose_element(const Scene& scene, const SolverOptions& options) {
 void set_element(Effects::Choice& effects, Element element, double poisson_ratio) {
   const bool in_groups = poisson_ratio > groups_above_nu;
   const bool smooth = element == Element::smoothed && !(in_groups && needs_all_of_lambda(effects));
-  std::size_t volumes = 0;
+  std::vector<GroupedVolume::Params> volumes;
   for_each_smoothed([&]<class Effect>() {
     using Law = typename Effect::Law;
     auto& linear = std::get<std::vector<typename Law::Params>>(effects);
@@ -77,11 +86,13 @@ void set_element(Effects::Choice& effects, Element element, double poisson_ratio
         linear.push_back(law);
       }
     }
+    if (!smooth || !in_groups) return;
     // The terms of Ogden's law are together the label's moduli.
-    volumes += std::is_same_v<Law, Ogden> ? std::min<std::size_t>(laws.size(), 1) : laws.size();
+    const bool is_sum = std::is_same_v<Law, Ogden>;
+    const std::size_t count = is_sum ? std::min<std::size_t>(laws.size(), 1) : laws.size();
+    volumes.insert(volumes.end(), count, {.strain = Effect::volume_strain});
   });
-  std::get<std::vector<GroupedVolume::Params>>(effects).assign(smooth && in_groups ? volumes : 0,
-                                                               {});
+  std::get<std::vector<GroupedVolume::Params>>(effects) = volumes;
 }
 
 }  // namespace viscera::sim

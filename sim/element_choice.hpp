@@ -15,7 +15,10 @@ struct ElementChoice {
   std::string why;  // half a sentence: "the nearest to the body for its time"
 };
 
-// Whether a scene has a law that can be smoothed, on whatever elements.
+// The laws that can be smoothed, in words: "a, b or c".
+std::string laws_to_smooth();
+
+// Whether a scene has one of them, on whatever elements.
 bool has_law_to_smooth(const Scene& scene);
 
 // What smoothed elements would have to do that they cannot; "": nothing. A clause.

@@ -243,8 +243,8 @@ ErrorBar error_bar(const Model& model, const Scene& scene, const State& end, int
                    std::span<const double> missing) {
   const Element own = element_of(scene, order);
   ErrorBar bar;
-  if (!has_law_to_smooth(scene)) {  // those that quadratic tets know
-    bar.unknown = "quadratic tets know neo_hookean, mooney_rivlin and ogden alone";
+  if (!has_law_to_smooth(scene)) {
+    bar.unknown = "smoothed elements, of which it is made, are of " + laws_to_smooth() + " alone";
     return bar;
   }
   const bool own_lock =

@@ -32,6 +32,14 @@ constexpr const char* ogden =
 constexpr const char* source_of_ogden =
     "Ogden RW. Large deformation isotropic elasticity: on the correlation of theory and "
     "experiment for incompressible rubberlike solids. Proc R Soc A 326:565-584, 1972.";
+constexpr const char* linear = "The tissue is linearly elastic.";
+constexpr const char* limit_of_linear =
+    "Linear elasticity is for small strains and rotations: a body that turns swells.";
+constexpr const char* stvk = "The tissue follows the St. Venant-Kirchhoff law.";
+constexpr const char* source_of_stvk =
+    "Sifakis E, Barbic J. FEM simulation of 3D deformable solids. SIGGRAPH courses, 2012.";
+constexpr const char* limit_of_stvk =
+    "The St. Venant-Kirchhoff law softens in compression and may invert.";
 constexpr const char* smoothed =
     "Liu GR, Nguyen-Thoi T. Smoothed Finite Element Methods. CRC Press, 2010.";
 constexpr const char* hooke =
@@ -273,17 +281,10 @@ const std::vector<Method> known_methods = {
      {ogden},
      {source_of_ogden, stable_neo_hookean},
      {"The tissue is isotropic and homogeneous within each material."}},
-    {"effect",
-     "linear",
-     {"The tissue is linearly elastic."},
-     {hooke},
-     {"Linear elasticity is for small strains and rotations: a body that turns swells."}},
-    {"effect",
-     "stvk",
-     {"The tissue follows the St. Venant-Kirchhoff law."},
-     {"Sifakis E, Barbic J. FEM simulation of 3D deformable solids. SIGGRAPH courses, 2012.",
-      hooke},
-     {"The St. Venant-Kirchhoff law softens in compression and may invert."}},
+    {"effect", "linear", {linear}, {hooke}, {limit_of_linear}},
+    {"effect", "smoothed_linear", {linear}, {hooke}, {limit_of_linear}},
+    {"effect", "stvk", {stvk}, {source_of_stvk, hooke}, {limit_of_stvk}},
+    {"effect", "smoothed_stvk", {stvk}, {source_of_stvk, hooke}, {limit_of_stvk}},
     {"effect",
      "corotational",
      {"The tissue follows corotational linear elasticity."},

@@ -35,6 +35,21 @@ SIM_HD T trace(const Symmetric<T>& s) {
   return s.xx + s.yy + s.zz;
 }
 template <class T>
+SIM_HD Symmetric<T> operator*(T a, const Symmetric<T>& s) {
+  return {a * s.xx, a * s.yy, a * s.zz, a * s.yz, a * s.xz, a * s.xy};
+}
+// S - tr S / 3 I, by differences of its entries, so that of a multiple of I nothing is left.
+template <class T>
+SIM_HD Symmetric<T> deviator_of(const Symmetric<T>& s) {
+  const T third = T(1) / T(3);
+  return {third * ((s.xx - s.yy) + (s.xx - s.zz)),
+          third * ((s.yy - s.xx) + (s.yy - s.zz)),
+          third * ((s.zz - s.xx) + (s.zz - s.yy)),
+          s.yz,
+          s.xz,
+          s.xy};
+}
+template <class T>
 SIM_HD T squared_norm(const Symmetric<T>& s) {
   return s.xx * s.xx + s.yy * s.yy + s.zz * s.zz + T(2) * (s.yz * s.yz + s.xz * s.xz + s.xy * s.xy);
 }

@@ -43,12 +43,16 @@ double modulus_now(const Material& material, const typename Effect::Params& para
   const Lame constants = lame(material);
   const double mu = constants.mu, lambda = constants.lambda;
   const double s2 = now.s2(), trace = now.s1 + s2 + now.s3;
+  const double squares = now.s1 * now.s1;
+  const double trace_e = 0.5 * (squares + s2 * s2 + now.s3 * now.s3 - 3.0);  // of Green's strain
   using Law = law_of<Effect>;
   if constexpr (std::is_same_v<Law, NeoHookean>) {
     const double own = Effect::lame_at(material, params).neo_hookean_lambda();
     return mu + now.largest_of_j(own * (now.j - 1.0) - mu) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, GroupedVolume>) {
     const double own = GroupedVolume::of_groups(constants);
+    if (params.strain == VolumeStrain::linear) return own;
+    if (params.strain == VolumeStrain::green) return own * (squares + std::max(0.0, trace_e));
     return now.largest_of_j(own * (now.j - 1.0)) + own * now.s1_s2 * now.s1_s2;
   } else if constexpr (std::is_same_v<Effect, Volume>) {
     return now.largest_of_j(lambda * (now.j - 1.0)) + lambda * now.s1_s2 * now.s1_s2;
@@ -58,10 +62,10 @@ double modulus_now(const Material& material, const typename Effect::Params& para
     const double pressure = k * Law::stress_at_rest(shape);
     return 0.5 * k * Law::largest_curvature(shape, now.s1, s2, now.s3) +
            now.largest_of_j(own * (now.j - 1.0) - pressure) + own * now.s1_s2 * now.s1_s2;
-  } else if constexpr (std::is_same_v<Effect, StVK>) {
-    const double squares = now.s1 * now.s1;
-    const double trace_e = 0.5 * (squares + s2 * s2 + now.s3 * now.s3 - 3.0);
-    return (lambda + 2.0 * mu) * squares + std::max(0.0, lambda * trace_e + mu * (squares - 1.0));
+  } else if constexpr (std::is_same_v<Law, StVK>) {
+    const Lame own = Effect::lame_at(material, params);
+    return (own.lambda + 2.0 * own.mu) * squares +
+           std::max(0.0, own.lambda * trace_e + own.mu * (squares - 1.0));
   } else if constexpr (std::is_same_v<Effect, Corotational>) {
     const double turning = std::max(0.0, lambda * (trace - 3.0) - 2.0 * mu);
     const double least = std::max(1e-3, s2 + now.s3);

@@ -179,7 +179,8 @@ void make_domains(const Model& model, Scene& scene) {
   auto& volumes = scene.params<GroupedVolume>();
   const auto& tissue = scene.params<SmoothedNeoHookean>();
   for (std::size_t k = 0; k < volumes.size(); ++k) {
-    volumes[k] = {{k < tissue.size() ? tissue[k].taken : std::vector<char>{}}, nullptr};
+    volumes[k].taken = k < tissue.size() ? tissue[k].taken : std::vector<char>{};
+    volumes[k].made = nullptr;
     volumes[k].made = GroupedVolume::groups(model, volumes[k]);
   }
 }
@@ -250,7 +251,8 @@ std::size_t tets_taken(const Scene& scene) {
 
 void keep_forms(const Scene& from, Scene& to) {
   to.params<NeoHookean>() = from.params<NeoHookean>();
-  to.params<GroupedVolume>() = from.params<GroupedVolume>();
+  if (to.has<GroupedVolume>() && from.has<GroupedVolume>())
+    to.params<GroupedVolume>() = from.params<GroupedVolume>();
   to.params<Corotational>() = from.params<Corotational>();
   Effects::for_each([&]<class Effect, std::size_t i>() {
     if constexpr (is_smoothed<Effect>) {

@@ -70,13 +70,15 @@ double smoothed_energy(const Model& model, const Scene& scene, const std::vector
   return sum;
 }
 
-Mat3<double> cauchy_stress(const Model& model, const Scene& scene, std::size_t tet,
-                           const Mat3<double>& h) {
+Mat3<double> cauchy_of(const Mat3<double>& p, const Mat3<double>& h) {
   constexpr double min_volume = 0.05;
   const double j = std::max(min_volume, 1.0 + NeoHookean::volume_strain(h));
-  const Mat3<double> p = force_gradient(model, scene, tet, h);
-  const Mat3<double> kirchhoff = p * transpose(plus_identity(1.0, h));  // times V
-  return (1.0 / (j * model.volume[tet])) * kirchhoff;
+  return (1.0 / j) * (p * transpose(plus_identity(1.0, h)));
+}
+
+Mat3<double> cauchy_stress(const Model& model, const Scene& scene, std::size_t tet,
+                           const Mat3<double>& h) {
+  return cauchy_of((1.0 / model.volume[tet]) * force_gradient(model, scene, tet, h), h);
 }
 
 double von_mises_stress(const Model& model, const Scene& scene, const State& state,

@@ -20,10 +20,12 @@ double elastic_energy_of_tet(const Model& model, const Scene& scene, std::size_t
                              const Mat3<double>& h);
 double smoothed_energy(const Model& model, const Scene& scene, const std::vector<Vec3<double>>& u);
 
-// Cauchy's stress in a tet, Pa: sigma = P F^T / J, with P = dPsi/dF of the energy above by central
-// differences (to about 1e-9 of the modulus). Viscosity, branches and beds have no energy here and
-// are not in it. A tet that is crushed below a twentieth of its volume, or inside out, counts as if
-// it had that.
+// Cauchy's stress sigma = P F^T / J of the first Piola-Kirchhoff stress P, Pa. What is crushed
+// below a twentieth of its volume, or inside out, counts as if it had that.
+Mat3<double> cauchy_of(const Mat3<double>& p, const Mat3<double>& h);
+
+// Of a tet, with P = dPsi/dF of the energy above by central differences (to about 1e-9 of the
+// modulus). Viscosity, branches and beds have no energy here and are not in it.
 Mat3<double> cauchy_stress(const Model& model, const Scene& scene, std::size_t tet,
                            const Mat3<double>& h);
 

@@ -66,10 +66,11 @@ struct EffectList {
   }
 };
 
-using Effects = EffectList<Gravity, Grip, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean,
-                           SmoothedNeoHookean, SmoothedMooneyRivlin, SmoothedOgden, GroupedVolume,
-                           MooneyRivlin, Ogden, Linear, StVK, Corotational, Distance, Volume, Fibre,
-                           Prony, Spring, ShapeMatching, SelfContact, Ground, Collider<Plane>,
-                           Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
+using Effects =
+    EffectList<Gravity, Grip, Fixed, Prescribed, Viscosity, Pressure, Load, NeoHookean,
+               SmoothedNeoHookean, SmoothedMooneyRivlin, SmoothedOgden, SmoothedLinear,
+               SmoothedStVK, GroupedVolume, MooneyRivlin, Ogden, Linear, StVK, Corotational,
+               Distance, Volume, Fibre, Prony, Spring, ShapeMatching, SelfContact, Ground,
+               Collider<Plane>, Collider<Sphere>, Collider<Capsule>, Collider<Box>>;
 
 }  // namespace viscera::sim

@@ -33,6 +33,8 @@ struct FemOptions {
   int max_iterations = 100;
   int order = 1;             // of the tets: 1 linear, 2 quadratic (the discretisation's reference)
   double step_error = 0.01;  // bdf2: of a step, over the way that the body goes in it
+
+  bool is_static() const { return time == Time::quasi_static; }
 };
 
 struct SolverOptions {
@@ -47,6 +49,8 @@ struct SolverOptions {
   int threads = 0;         // 0 for all cores; results do not depend on it
   bool spares_threads = false;  // takes one in place of several while that is faster (pace.hpp)
   FemOptions fem;
+  // Whether each frame is an equilibrium.
+  bool is_static() const { return method == Method::fem && fem.is_static(); }
   // Called every few substeps or Newton steps by the thread that steps. What it throws leaves the
   // frame undone, and the solver in no state to go on from.
   std::function<void()> pause_point = [] {};

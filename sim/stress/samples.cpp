@@ -22,11 +22,12 @@ Samples of_linear_tets(const Model& model, const Scene& scene, const State& stat
   return samples;
 }
 
-// What a group of tets adds to the stress of each: with its energy, (lambda - lambda_s) (J - 1)^2/2
-// by volume, the same in all directions.
+// What a group of tets adds to the stress of each: with its energy, (lambda - lambda_s) C^2/2 by
+// volume, (lambda - lambda_s) C dC/dF F^T / J, which is the same in all directions where C = J - 1.
 struct GroupStress {
   double volume_ratio;  // J, det F of the group
-  double mean_stress;   // (lambda - lambda_s) (J - 1), Pa
+  double factor;        // (lambda - lambda_s) C, Pa
+  GroupedVolume::Measure<double> measure;
 };
 
 // [m] or empty where there are no groups.
@@ -36,10 +37,12 @@ std::vector<GroupStress> group_stresses(const Model& model, const Scene& scene,
   for (const auto& params : scene.params<GroupedVolume>()) {
     all.resize(model.tet_count());
     const auto groups = GroupedVolume::groups(model, params);
+    const auto measure = GroupedVolume::Measure<double>::of(params.strain);
     for (std::size_t g = 0; g < groups->size(); ++g) {
-      const double change = NeoHookean::volume_strain(groups->displacement_gradient(g, state.u));
+      const Mat3<double> h = groups->displacement_gradient(g, state.u);
       const double modulus = GroupedVolume::of_groups(groups->mean_lame(model, g));
-      for (const int t : groups->tets_of(g)) all[t] = {1.0 + change, modulus * change};
+      for (const int t : groups->tets_of(g))
+        all[t] = {1.0 + NeoHookean::volume_strain(h), modulus * measure.strain(h), measure};
     }
   }
   return all;
@@ -55,8 +58,9 @@ Samples of_smoothed_elements(const Model& model, const Scene& scene, const State
   const auto strained_tet = [&](int t, const Mat3<double>& h) {
     Strained value = strained(model, without_groups, t, h);
     if (of_groups.empty()) return value;
-    value.add_mean_stress(of_groups[t].mean_stress);
-    value.volume_ratio = of_groups[t].volume_ratio;
+    const GroupStress& group = of_groups[t];
+    value.add_stress(tensor6(cauchy_of(group.factor * group.measure.slope(h), h)));
+    value.volume_ratio = group.volume_ratio;
     return value;
   };
   Effects::for_each([&]<class Effect, std::size_t i>() {

@@ -20,6 +20,9 @@ struct Strained {
   double volume_ratio = 0.0;  // det F
 
   double mean_stress() const { return (cauchy[0] + cauchy[1] + cauchy[2]) / 3.0; }
+  void add_stress(const Tensor6& pa) {
+    for (int k = 0; k < 6; ++k) cauchy[k] += pa[k];
+  }
   void add_mean_stress(double pa) {
     for (int k = 0; k < 3; ++k) cauchy[k] += pa;
   }

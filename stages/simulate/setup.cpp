@@ -99,15 +99,10 @@ void refuse_shared_leads(const sim::Model& model, const sim::Scene& scene) {
 
 }  // namespace
 
-bool is_static(const sim::SolverOptions& options) {
-  return options.method == sim::Method::fem &&
-         options.fem.time == sim::FemOptions::Time::quasi_static;
-}
-
 FrameOptions frame_options(const StageRun& run, const SceneFile& file, const sim::Model& model,
                            const sim::SolverOptions& options) {
   FrameOptions frames{.method = options.method,
-                      .is_static = is_static(options),
+                      .is_static = options.is_static(),
                       .forces = run.param<bool>("forces"),
                       .acts_s = sim::acting_time_of(file.scene, options)};
   if (file.element == sim::Element::quadratic) frames.tissue = sim::quadratic_forces(model);

@@ -30,9 +30,6 @@ sim::Model body_of(const StageRun& run, const SceneFile& file, const TetMesh& me
 // The scene with values replaced (read_scene) and the params that stand in for parts of it.
 SceneFile scene_of(const StageRun& run, const Json& changes);
 
-// Whether each frame is an equilibrium.
-bool is_static(const sim::SolverOptions& options);
-
 // What frames are to know of themselves, as the run's params ask for it; refers to the body.
 FrameOptions frame_options(const StageRun& run, const SceneFile& file, const sim::Model& model,
                            const sim::SolverOptions& options);

@@ -163,15 +163,12 @@ void take_element(const StageRun& run, SceneFile& file) {
   if (run.has_param("element")) named = elements().at(run.param<std::string>("element"));
   const std::string why_not = sim::why_not_smoothed(file.scene, options);
   if (named == sim::Element::smoothed && !why_not.empty()) {
-    throw Error(
-        ExitCode::bad_config,
-        {.where = run.input("scene").string(),
-         .field = "element",
-         .found = "smoothed, and " + why_not,
-         .allowed =
-             "smoothed elements of neo_hookean, mooney_rivlin or ogden under xpbd, tled or fem "
-             "of order 1",
-         .remedy = "leave element out"});
+    throw Error(ExitCode::bad_config, {.where = run.input("scene").string(),
+                                       .field = "element",
+                                       .found = "smoothed, and " + why_not,
+                                       .allowed = "smoothed elements of " + sim::laws_to_smooth() +
+                                                  " under xpbd, tled or fem of order 1",
+                                       .remedy = "leave element out"});
   }
   const sim::ElementChoice choice = sim::choose_element(file.scene, options);
   file.element = named.value_or(choice.element);

@@ -102,9 +102,11 @@ void check_bar_of_law(const typename Law::Params& params) {
   EXPECT_EQ(bar.sizes.size(), model.tet_count());
 }
 
-TEST(ErrorBar, KnowsMooneyRivlinAndOgdenToo) {
+TEST(ErrorBar, KnowsOtherLawsToo) {
   check_bar_of_law<MooneyRivlin>({0.3});
   check_bar_of_law<Ogden>({-4.7});
+  check_bar_of_law<Linear>({});
+  check_bar_of_law<StVK>({});
 }
 
 // A bar that is held at one end and bent: stresses grow without bound along the edges of that end,
@@ -322,7 +324,7 @@ TEST(ErrorBar, IsUnknownWithItsReasonWhereQuadraticTetsDoNotKnowTheScene) {
   const Model model = bar();
   Scene other = held_scene(false);
   other.params<NeoHookean>().clear();
-  other.params<Linear>().emplace_back();
+  other.params<Corotational>().emplace_back();
   const State end = equilibrium(model, held_scene(false), 1);
   EXPECT_NE(error_bar(model, other, end, 1, [] {}).unknown.find("neo_hookean"), std::string::npos);
   Scene fibred = held_scene(false);

@@ -5,7 +5,7 @@
 #include "sim/solvers/fem/contact.hpp"
 #include "sim/solvers/fem/dual.hpp"
 #include "sim/solvers/fem/effect.hpp"
-#include "sim/solvers/fem/hyperelastic.hpp"
+#include "sim/solvers/fem/law.hpp"
 #include "sim/solvers/fem/neo_hookean.hpp"
 #include "tests/sim/shapes.hpp"
 
@@ -99,16 +99,22 @@ struct OnQuadraticTets {
   const Model model = make_cube(2);
   const FemMesh mesh{model, 2};
   const Prepared<Law, double> prepared;
-  HyperelasticTerm<Law, 10> term{mesh, prepared.rest};
+  LawTerm<Law, 10> term{mesh, prepared.rest};
 
   explicit OnQuadraticTets(const typename Law::Params& params) : prepared(model, params, dt) {}
 };
 
-TEST(FemTerms, HyperelasticForcesAndTangentsAreDerivativesOnQuadraticTets) {
+TEST(FemTerms, ForcesAndTangentsOfLawsAreDerivativesOnQuadraticTets) {
   OnQuadraticTets<MooneyRivlin> mooney({0.3});
   check_derivatives(mooney.term, mooney.mesh.node_count(), 0.002, "mooney_rivlin");
   OnQuadraticTets<Ogden> ogden({-4.7});
   check_derivatives(ogden.term, ogden.mesh.node_count(), 0.001, "ogden");
+  OnQuadraticTets<Linear> linear({});
+  check_derivatives(linear.term, linear.mesh.node_count(), 0.002, "linear");
+  OnQuadraticTets<StVK> stvk({});
+  check_derivatives(stvk.term, stvk.mesh.node_count(), 0.002, "stvk");
+  OnQuadraticTets<Corotational> corotational({});
+  check_derivatives(corotational.term, corotational.mesh.node_count(), 0.002, "corotational");
 }
 
 template <class Effect>
@@ -117,13 +123,15 @@ void check_on_smoothed_elements(const typename Effect::Params& params) {
   FemMesh mesh(model, 1);
   mesh.take(*Effect::domains(model, params));
   const Prepared<Effect, double> prepared(model, params, dt);
-  HyperelasticTerm<Effect, Effect::arity> term(mesh, prepared.rest);
+  LawTerm<Effect, Effect::arity> term(mesh, prepared.rest);
   check_derivatives(term, mesh.node_count(), 0.002, Effect::name);
 }
 
-TEST(FemTerms, HyperelasticForcesAndTangentsAreDerivativesOnSmoothedElements) {
+TEST(FemTerms, ForcesAndTangentsOfLawsAreDerivativesOnSmoothedElements) {
   check_on_smoothed_elements<SmoothedMooneyRivlin>({{0.3}});
   check_on_smoothed_elements<SmoothedOgden>({{-4.7}});
+  check_on_smoothed_elements<SmoothedLinear>({});
+  check_on_smoothed_elements<SmoothedStVK>({});
 }
 
 TEST(FemTerms, WithoutItsSecondInvariantMooneyRivlinIsNeoHookeanOnQuadraticTetsToo) {

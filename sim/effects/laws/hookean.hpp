@@ -6,14 +6,15 @@
 // the symmetric matrices in which Hooke's matrix is diagonal (Mandel's factors; Mehrabadi and
 // Cowin, "Eigentensors of linear anisotropic elastic materials", QJMAM 1990, section 3)
 //
-//   C_0 = tr e / sqrt 3,                                                     k = (3 lambda + 2 mu)
-//   V C_1 = (e_xx - e_yy) / sqrt 2,  C_2 = (e_xx + e_yy - 2 e_zz) / sqrt 6,    k = 2 mu V C_3 =
-//   sqrt 2 e_yz,  C_4 = sqrt 2 e_xz,  C_5 = sqrt 2 e_xy,               k = 2 mu V
+//   k = (3 lambda + 2 mu) V:  C_0 = tr e / sqrt 3
+//   k = 2 mu V:               C_1 = (e_xx - e_yy) / sqrt 2,   C_2 = (e_xx + e_yy - 2 e_zz) / sqrt
+//   6,
+//                             C_3 = sqrt 2 e_yz,   C_4 = sqrt 2 e_xz,   C_5 = sqrt 2 e_xy
 //
 // so that sum k C^2 / 2 = V Psi. With de = sym(G^T dF) the gradient of C_r is dC_r/dF = G B_r, B_r
 // the r-th matrix of the basis: G = I, F or R makes the linear, the St. Venant-Kirchhoff and the
-// corotational law. All strains vanish at rest one by
-// one, but PBD is refused them: solved row after row without lambda and mu they are no law.
+// corotational law, with the stress P = G (2 mu e + lambda tr e I). All strains vanish at rest one
+// by one, but PBD is refused them: solved row after row without lambda and mu they are no law.
 #pragma once
 
 #include "sim/base/symmetric.hpp"
@@ -78,23 +79,30 @@ struct Hookean {
 
   struct Params {};
   static constexpr auto fields() { return std::tuple{}; }
+  static bool acts_on(const Params&, std::size_t) { return true; }
+  static std::vector<char> taken(const Params&) { return {}; }
 
+  // Of an element of any shape.
   template <class T>
-  struct Rest {
-    Mat3<T> rest_inverse;       // B, 1/m
+  struct Constants {
     T hydrostatic, deviatoric;  // (3 lambda + 2 mu) V and 2 mu V, J
   };
+  template <class T>
+  static Constants<T> constants(const Lame& of, double volume, const Params&) {
+    const double deviatoric = 2.0 * of.mu * volume;
+    return {static_cast<T>(3.0 * of.lambda * volume + deviatoric), static_cast<T>(deviatoric)};
+  }
+
+  template <class T>
+  struct Rest : TetShape<T>, Constants<T> {};
 
   static const std::vector<Tet>& elements(const Model& model, const Params&) { return model.tets; }
 
   template <class T>
-  static Rest<T> rest(const Model& model, const std::vector<Tet>&, std::size_t tet, const Params&,
-                      double) {
-    const Lame constants = lame(model.material(tet));
-    const double deviatoric = 2.0 * constants.mu * model.volume[tet];
-    return {.rest_inverse = cast<T>(model.rest_inverse[tet]),
-            .hydrostatic = static_cast<T>(3.0 * constants.lambda * model.volume[tet] + deviatoric),
-            .deviatoric = static_cast<T>(deviatoric)};
+  static Rest<T> rest(const Model& model, const std::vector<Tet>&, std::size_t tet,
+                      const Params& params, double) {
+    return {{cast<T>(model.rest_inverse[tet])},
+            constants<T>(lame(model.material(tet)), model.volume[tet], params)};
   }
 
   template <class T>
@@ -109,18 +117,63 @@ struct Hookean {
     without_reference(out);
   }
 
-  static double explicit_modulus(const Material& material, const Params&) {
-    const Lame constants = lame(material);
-    return constants.lambda + 2.0 * constants.mu;
+  // On an element of any shape, as NeoHookean::evaluate_on, for which six rows of nine vertices are
+  // too many numbers: the first row, and of the other five their length
+  //   C_D = |dev e|,   dC_D/dF = G dev e / |dev e|,   k = 2 mu V
+  // which has the same energy, and the reference multiplier -k C_D, whose force is -k G dev e: so
+  // what does not change |dev e| is solved explicitly, as the Neo-Hookean pair solves it.
+  template <class Element, class T, int vertices = Element::arity>
+  SIM_HD static void evaluate_on(const typename Element::template Rest<T>& rest,
+                                 const Vec3<T> (&u)[vertices], const Vec3<T> (&d)[vertices],
+                                 Evaluation<T, 2, vertices>& out) {
+    const Strain<T> strain = Law::strain(Element::gradient(rest, u, d));
+    const T trace_e = trace(strain.e);
+    const Symmetric<T> deviator = deviator_of(strain.e);
+    const T size = square_root(squared_norm(deviator));
+    const T inverse_sqrt3 = T(0.57735026918962576451);
+    const Mat3<T> shear = strain.g * matrix_of(deviator);
+    out.value[0] = inverse_sqrt3 * trace_e;
+    out.value[1] = size;
+    out.remainder[0] = out.value[0];
+    out.remainder[1] = T(0);
+    out.stiffness[0] = rest.hydrostatic;
+    out.stiffness[1] = rest.deviatoric;
+    Element::scatter(inverse_sqrt3, strain.g, rest, out.gradient[0]);
+    Element::scatter(select(size > T(0), T(1) / size, T(0)), shear, rest, out.gradient[1]);
+    Element::scatter(-rest.deviatoric, shear, rest, out.preload);
+  }
+
+  // P times the element's volume, N m.
+  template <class T>
+  static Mat3<T> stress(const Constants<T>& element, const Mat3<T>& h) {
+    const Strain<T> strain = Law::strain(h);
+    Symmetric<T> s = element.deviatoric * deviator_of(strain.e);
+    const T mean = element.hydrostatic * (trace(strain.e) / T(3));
+    s.xx += mean, s.yy += mean, s.zz += mean;
+    return strain.g * matrix_of(s);
+  }
+  // Of the whole element, J.
+  static double stored(const Constants<double>& element, const Mat3<double>& h) {
+    double row[6], energy = 0.0;
+    strain_rows(Law::strain(h).e, row);
+    for (int r = 0; r < 6; ++r) {
+      energy += 0.5 * (r == 0 ? element.hydrostatic : element.deviatoric) * row[r] * row[r];
+    }
+    return energy;
+  }
+
+  static Lame lame_at(const Material& material, const Params&) { return lame(material); }
+  static double modulus_at_rest(const Lame& of, const Params&) { return of.lambda + 2.0 * of.mu; }
+  static double explicit_modulus(const Material& material, const Params& params) {
+    return modulus_at_rest(lame(material), params);
   }
 
   // J/m3
+  static double energy_density(const Lame& of, const Params& params, const Mat3<double>& h) {
+    return stored(constants<double>(of, 1.0, params), h);
+  }
   static double energy_density(const Material& material, const Mat3<double>& h) {
-    const Lame constants = lame(material);
-    double row[6], energy = 0.0;
-    strain_rows(Law::strain(h).e, row);
-    for (int r = 0; r < 6; ++r) energy += constants.mu * row[r] * row[r];
-    return energy + 1.5 * constants.lambda * row[0] * row[0];
+    return energy_density(lame(material), {}, h);
   }
   static double energy(const Model& model, std::size_t tet, const Params&, const Mat3<double>& h) {
     return energy_density(model.material(tet), h) * model.volume[tet];

@@ -111,6 +111,23 @@ struct Hyperelastic {
     Element::scatter(-rest.deviatoric, r * (h - cof_minus_i) + deviator.x, rest, out.preload);
   }
 
+  // P times the element's volume, N m.
+  template <class T>
+  static Mat3<T> stress(const Constants<T>& element, const Mat3<T>& h) {
+    const Mat3<T> cof_minus_i = NeoHookean::cofactor_strain(h);
+    const T r = Law::stress_at_rest(element.shape);
+    return element.deviatoric *
+               (r * (h - cof_minus_i) + Law::deviator(h, green_strain(h), element.shape).x) +
+           (element.hydrostatic * NeoHookean::volume_strain(h)) * plus_identity(T(1), cof_minus_i);
+  }
+  // Of the whole element, J: V (Psi(F) - Psi(I)).
+  static double stored(const Constants<double>& element, const Mat3<double>& h) {
+    const double j1 = NeoHookean::volume_strain(h);
+    const double beyond = Law::deviator(h, green_strain(h), element.shape).beyond_rest;
+    return 0.5 * element.deviatoric * (beyond - 2.0 * Law::stress_at_rest(element.shape) * j1) +
+           0.5 * element.hydrostatic * j1 * j1;
+  }
+
   static Lame lame_at(const Material& material, const Params&) { return lame(material); }
   static double modulus_at_rest(const Lame& of, const Params&) { return of.lambda + 2.0 * of.mu; }
   static double explicit_modulus(const Material& material, const Params& params) {
@@ -123,12 +140,7 @@ struct Hyperelastic {
     return energy_density(lame(material), params, h);
   }
   static double energy_density(const Lame& of, const Params& params, const Mat3<double>& h) {
-    const Moduli moduli = Law::moduli(of, params);
-    const auto shape = Law::template shape<double>(params);
-    const double j1 = NeoHookean::volume_strain(h);
-    const double beyond = Law::deviator(h, green_strain(h), shape).beyond_rest;
-    return 0.5 * moduli.deviatoric * (beyond - 2.0 * Law::stress_at_rest(shape) * j1) +
-           0.5 * moduli.hydrostatic * j1 * j1;
+    return stored(constants<double>(of, 1.0, params), h);
   }
   static double energy(const Model& model, std::size_t tet, const Params& params,
                        const Mat3<double>& h) {

@@ -1,10 +1,11 @@
-// The laws of neo_hookean.hpp, mooney_rivlin.hpp and ogden.hpp on smoothed elements: their energy
-// is that of the strain averaged over the tets around each edge (model/edge_domains.hpp),
+// The laws of neo_hookean.hpp, mooney_rivlin.hpp, ogden.hpp, linear.hpp and stvk.hpp on smoothed
+// elements: their energy is that of the strain averaged over the tets around each edge
+// (model/edge_domains.hpp),
 //
 //   sum over domains V Psi(F),   F = I + sum_i u_i b_i^T
 //
 // and nothing else differs: the vertices, their masses and the trajectory are those of the tets,
-// and a domain is solved as the same 2x2 block. Where linear tets are 13 to 23 % too stiff, domains
+// and a domain is solved as a 2x2 block. Where linear tets are 13 to 23 % too stiff, domains
 // are a few. Incompressible tissue still locks, though less, unless groups of tets have most of its
 // stiffness against a change of volume (grouped_volume.hpp; docs/results/body.md).
 #pragma once
@@ -12,8 +13,10 @@
 #include <memory>
 
 #include "sim/effects/laws/grouped_volume.hpp"
+#include "sim/effects/laws/linear.hpp"
 #include "sim/effects/laws/mooney_rivlin.hpp"
 #include "sim/effects/laws/ogden.hpp"
+#include "sim/effects/laws/stvk.hpp"
 #include "sim/model/edge_domains.hpp"
 
 namespace viscera::sim {
@@ -36,7 +39,9 @@ struct Smoothed {
   static constexpr int arity = EdgeDomains::max_vertices;
   static constexpr int rows = 2;
   static constexpr bool has_reference = true;
-  static constexpr bool projectable = false;  // C_D is not zero at rest
+  static constexpr bool projectable = false;  // without moduli it is no law
+  // Of the groups beside it.
+  static constexpr VolumeStrain volume_strain = VolumeStrain::ratio;
 
   static constexpr auto fields() { return fields_of<Params>(Law::fields()); }
   static bool acts_on(const Params& params, std::size_t tet) { return Law::acts_on(params, tet); }
@@ -128,6 +133,17 @@ struct SmoothedOgden : Smoothed<Ogden> {
   static constexpr const char* name = "smoothed_ogden";
   static constexpr const char* doc =
       "ogden with its strain averaged over the tets around each edge";
+};
+struct SmoothedLinear : Smoothed<Linear> {
+  static constexpr const char* name = "smoothed_linear";
+  static constexpr const char* doc =
+      "linear with its strain averaged over the tets around each edge";
+  static constexpr VolumeStrain volume_strain = VolumeStrain::linear;
+};
+struct SmoothedStVK : Smoothed<StVK> {
+  static constexpr const char* name = "smoothed_stvk";
+  static constexpr const char* doc = "stvk with its strain averaged over the tets around each edge";
+  static constexpr VolumeStrain volume_strain = VolumeStrain::green;
 };
 
 // Whether an effect is a law on smoothed elements: then it names the law.

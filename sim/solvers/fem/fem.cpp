@@ -16,8 +16,8 @@
 #include "sim/solvers/fem/contact.hpp"
 #include "sim/solvers/fem/diagnostics.hpp"
 #include "sim/solvers/fem/effect.hpp"
-#include "sim/solvers/fem/hyperelastic.hpp"
 #include "sim/solvers/fem/kept_nodes.hpp"
+#include "sim/solvers/fem/law.hpp"
 #include "sim/solvers/fem/mass.hpp"
 #include "sim/solvers/fem/newton.hpp"
 #include "sim/solvers/fem/nodes.hpp"
@@ -47,10 +47,6 @@ const FemOptions& checked(const FemOptions& options) {
   return options;
 }
 
-bool is_static(const FemOptions& options) {
-  return options.time == FemOptions::Time::quasi_static;
-}
-
 template <class Effect>
 constexpr bool loses_stiffness = [] {
   if constexpr (requires { Effect::loses_stiffness; }) return Effect::loses_stiffness;
@@ -71,9 +67,12 @@ const Scene& checked(const Scene& scene) {
   return scene;
 }
 
-// Whether a tet of order 1 is inside out.
-bool is_inverted(const FemElement<4>& tet, const NodeField& u) {
-  return 1.0 + NeoHookean::volume_strain(gradient_at<4>(tet.nodes, tet.points[0], u)) <= 0.0;
+// Whether a tet is inside out at one of its points.
+template <int nodes>
+bool is_inverted(const FemElement<nodes>& tet, const NodeField& u) {
+  return std::ranges::any_of(tet.points, [&](const auto& point) {
+    return 1.0 + NeoHookean::volume_strain(gradient_at<nodes>(tet.nodes, point, u)) <= 0.0;
+  });
 }
 
 std::vector<double> times(double factor, std::vector<double> numbers) {
@@ -115,7 +114,7 @@ class FemSolver final : public Solver, public FemRest {
   }
 
   void advance_frame() override {
-    if (is_static(options_)) {
+    if (options_.is_static()) {
       find_equilibrium();
     } else {
       for (int substep = 0; substep < program_.substeps; ++substep) advance_step();
@@ -260,12 +259,12 @@ class FemSolver final : public Solver, public FemRest {
   // That of a step over whose time forces act for so long, s, and contact's penalty with it, so
   // that a round of multipliers gains as much in a short step (fem/newton.cpp has the factor).
   void take_inertia(double acts) {
-    const double share = is_static(options_) ? 0.0 : 1.0 / (acts * acts);
+    const double share = options_.is_static() ? 0.0 : 1.0 / (acts * acts);
     for (std::size_t i = 0; i < stiffness_.size(); ++i) {
       stiffness_[i] =
           elastic_[i] + share * mesh_.mass.coeff(static_cast<int>(i), static_cast<int>(i));
     }
-    penalty_ = times(is_static(options_) ? static_penalty_factor : penalty_factor, stiffness_);
+    penalty_ = times(options_.is_static() ? static_penalty_factor : penalty_factor, stiffness_);
   }
 
   // Those of a law on smoothed elements; several terms of one law are on the same.
@@ -283,7 +282,7 @@ class FemSolver final : public Solver, public FemRest {
 
   template <class Effect>
   void add_term(const Model& model, const Prepared<Effect, double>& effect) {
-    if (needs_rate<Effect> && is_static(options_)) return;
+    if (needs_rate<Effect> && options_.is_static()) return;
     if constexpr (std::is_same_v<Effect, NeoHookean>) {
       if (mesh_.order == 1) {
         terms_.push_back(std::make_unique<NeoHookeanTerm<4>>(model, mesh_));
@@ -292,15 +291,15 @@ class FemSolver final : public Solver, public FemRest {
       }
       return;
     }
-    if constexpr (std::is_same_v<Effect, MooneyRivlin> || std::is_same_v<Effect, Ogden>) {
+    if constexpr (states_stress<Effect> && !is_smoothed<Effect>) {
       if (mesh_.order == 2) {
-        terms_.push_back(std::make_unique<HyperelasticTerm<Effect, 10>>(mesh_, effect.rest));
+        terms_.push_back(std::make_unique<LawTerm<Effect, 10>>(mesh_, effect.rest));
         return;
       }
     }
     if (mesh_.order != 1 && Effect::arity > 1) {
       refuse((std::string("effects.") + Effect::name).c_str(), "quadratic tets",
-             "neo_hookean, mooney_rivlin, ogden and effects of single nodes", "use fem.order 1");
+             "laws of elasticity and effects of single nodes", "use fem.order 1");
     }
     if constexpr (std::is_same_v<Effect, SmoothedNeoHookean>) {
       terms_.push_back(std::make_unique<NeoHookeanTerm<Effect::arity>>(
@@ -310,8 +309,7 @@ class FemSolver final : public Solver, public FemRest {
             return SmoothedNeoHookean::lame_of(now, *law.made, e, law);
           }));
     } else if constexpr (is_smoothed<Effect>) {
-      terms_.push_back(
-          std::make_unique<HyperelasticTerm<Effect, Effect::arity>>(mesh_, effect.rest));
+      terms_.push_back(std::make_unique<LawTerm<Effect, Effect::arity>>(mesh_, effect.rest));
     } else if constexpr (!std::is_same_v<Effect, NeoHookean>) {
       terms_.push_back(std::make_unique<EffectTerm<Effect>>(effect, program_.dt));
     }
@@ -506,14 +504,17 @@ class FemSolver final : public Solver, public FemRest {
   // A law that loses its stiffness has equilibria that no path from here leads to.
   bool gave_way(const NodeField& d) const {
     bool may = false;
-    for_each_slot<EffectKind::element>(
-        program_.effects, [&may]<class Effect>(const auto&) { may |= loses_stiffness<Effect>; });
+    for_each_slot<EffectKind::element>(program_.effects, [&may]<class Effect>(const auto&) {
+      may |= loses_stiffness<law_of<Effect>>;
+    });
     if (!may) return false;
     NodeField after = u_;
     for (std::size_t i = 0; i < d.size(); ++i) after[i] += d[i];
-    return std::ranges::any_of(mesh_.linear, [&](const auto& tet) {
+    const auto turned = [&](const auto& tet) {
       return is_inverted(tet, after) && !is_inverted(tet, u_);
-    });
+    };
+    return std::ranges::any_of(mesh_.linear, turned) ||
+           std::ranges::any_of(mesh_.quadratic, turned);
   }
 
   NodeField accelerations() const {

