@@ -40,6 +40,32 @@ TEST(MaterialFields, AimingHigherMakesAMaterialLarger) {
   EXPECT_GT(count(), before);
 }
 
+// Two labels side by side, of planes of voxels: every voxel of a plane has the same lead.
+TEST(MaterialFields, AFlatInterfaceLiesBetweenTheVoxelsOfBothLabels) {
+  for (const double edge : {0.0, 4.0, 5.0}) {
+    const LabelImage image = testing::draw(40, {2.0, 2.0, 2.0}, [&](double x, double y, double z) {
+      if (std::abs(x) > 24.0 || std::abs(y) > 24.0 || std::abs(z) > 24.0) return 0;
+      return x < edge ? 1 : 2;
+    });
+    MaterialFields fields(image, 1.6);
+    const Frame& frame = image.frame;
+    const auto interface_at = [&] {
+      double left = 1.0, right = 1.0;  // mm from the first plane of voxels
+      const double y = 20.0 * frame.spacing[1], z = 20.0 * frame.spacing[2];
+      for (right = 20.0; fields.at({right, y, z}) != 2; right += 0.01) left = right;
+      return 0.5 * (left + right);
+    };
+    double last_of_left = 0.0;
+    for (int i = 0; i < frame.size[0]; ++i) {
+      if (image.voxels[frame.index(i, 20, 20)] == 1) last_of_left = i * frame.spacing[0];
+    }
+    EXPECT_NEAR(interface_at(), last_of_left + 1.0, 0.05) << edge;
+    // A little more is a little more, and not another plane.
+    fields.aim({{1, 1.002}, {2, 0.998}});
+    EXPECT_NEAR(interface_at(), last_of_left + 1.0, 0.25) << edge;
+  }
+}
+
 // A ball of radius 20, to be 2 % larger, moved four times as far in its upper half as in its lower.
 TEST(MaterialFields, ItsSurfaceMovesInProportionToItsShare) {
   const LabelImage image = testing::draw(48, {1.1, 1.0, 1.25}, [](double x, double y, double z) {

@@ -71,7 +71,7 @@ void MaterialFields::aim(const std::map<int, double>& factors, const Field& shar
   const Field& body = share.empty() ? body_ : matched_field(frame_, body_, share, level_, aimed);
   for (std::size_t v = 0; v < body.size(); ++v) values_[v * width()] = body[v];
   biases_.assign(ids_.size(), 0.0);
-  if (ids_.size() > 1) match_labels(std::move(wanted));
+  if (ids_.size() > 1) match_labels(wanted);
 }
 
 int MaterialFields::winner(const double* values) const {
@@ -81,9 +81,11 @@ int MaterialFields::winner(const double* values) const {
   return static_cast<int>(best);
 }
 
-// Voxel centres inside the body stand for its volume. Labels are taken from small to large; the
+// A voxel of the body counts as far as it lies on a label's side, which over a voxel rises with the
+// lead of the label as that changes from neighbour to neighbour: voxels counted by their centres
+// would move an interface along the grid by whole layers. Labels are taken from small to large; the
 // largest keeps bias 0 and receives what is left. Three sweeps settle labels that touch each other.
-void MaterialFields::match_labels(std::vector<double> wanted) {
+void MaterialFields::match_labels(const std::vector<double>& wanted) {
   const std::size_t labels = ids_.size();
   std::vector<std::size_t> inside;
   for (std::size_t v = 0; v < frame_.voxels(); ++v)
@@ -93,22 +95,59 @@ void MaterialFields::match_labels(std::vector<double> wanted) {
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return voxels_[a] < voxels_[b]; });
   order.pop_back();
-  std::vector<double> lead(inside.size());  // of the best other label over this one, unbiased
+  // Of the best other label over this one, unbiased; outside of the body not a number.
+  Field lead(frame_.voxels(), std::numeric_limits<float>::quiet_NaN());
   for (int sweep = 0; sweep < 3; ++sweep)
     for (const std::size_t l : order) {
-      for (std::size_t i = 0; i < inside.size(); ++i) {
-        const float* values = &values_[inside[i] * width() + 1];
+      for (const std::size_t v : inside) {
+        const float* values = &values_[v * width() + 1];
         double best = -std::numeric_limits<double>::max();
         for (std::size_t o = 0; o < labels; ++o)
           if (o != l) best = std::max(best, values[o] + biases_[o]);
-        lead[i] = best - values[l];
+        lead[v] = static_cast<float>(best - values[l]);
       }
-      const auto count = std::min(static_cast<double>(lead.size()) - 1.0, wanted[l]);
-      const auto middle = lead.begin() + static_cast<std::ptrdiff_t>(count);
-      std::nth_element(lead.begin(), middle, lead.end());
-      // A bias beyond half the field's range would let a label appear where it never was.
-      biases_[l] = std::clamp(*middle, -0.45, 0.45);
+      biases_[l] = bias_of(lead, inside, wanted[l]);
     }
+}
+
+// The bias at which so many of these voxels have a smaller lead.
+double MaterialFields::bias_of(const Field& lead, const std::vector<std::size_t>& inside,
+                               double wanted) const {
+  // Beyond half the field's range it would let a label appear where it never was.
+  constexpr double most = 0.45;
+  const std::array<std::size_t, 3> next = {
+      1, static_cast<std::size_t>(frame_.size[0]),
+      static_cast<std::size_t>(frame_.size[0]) * static_cast<std::size_t>(frame_.size[1])};
+  const auto change = [&](std::size_t v, std::size_t step) {
+    const float behind = v >= step ? lead[v - step] : NAN;
+    const float ahead = v + step < lead.size() ? lead[v + step] : NAN;
+    if (std::isfinite(behind) && std::isfinite(ahead)) return 0.5 * std::abs(ahead - behind);
+    if (std::isfinite(ahead)) return 1.0 * std::abs(ahead - lead[v]);
+    return std::isfinite(behind) ? 1.0 * std::abs(lead[v] - behind) : 0.0;
+  };
+  struct Near {
+    double lead, range;  // at the voxel's centre, and over the voxel
+  };
+  std::vector<Near> near;  // those that a bias may divide
+  double always = 0.0;
+  for (const std::size_t v : inside) {
+    double range = 1e-6;
+    for (const std::size_t step : next) range += change(v, step);
+    if (lead[v] + 0.5 * range < -most) {
+      always += 1.0;
+    } else if (lead[v] - 0.5 * range < most) {
+      near.push_back({lead[v], range});
+    }
+  }
+  double low = -most, high = most;
+  for (int step = 0; step < 30; ++step) {
+    const double middle = 0.5 * (low + high);
+    double count = always;
+    for (const Near& voxel : near)
+      count += std::clamp(0.5 + (middle - voxel.lead) / voxel.range, 0.0, 1.0);
+    (count < wanted ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
 }
 
 int MaterialFields::at(const std::array<double, 3>& p) const {

@@ -54,7 +54,8 @@ class MaterialFields {
   int evaluate(const std::array<double, 3>& p, double level) const;
   int winner(const double* values) const;
   std::size_t width() const { return ids_.size() > 1 ? ids_.size() + 1 : 1; }
-  void match_labels(std::vector<double> wanted);
+  void match_labels(const std::vector<double>& wanted);
+  double bias_of(const Field& lead, const std::vector<std::size_t>& inside, double wanted) const;
 
   Frame frame_;
   std::vector<int> ids_;
