@@ -61,7 +61,8 @@ std::array<double, 9> sform_axes(const nifti_1_header& h) {
 
 void check_orientation(const HeaderChecks& checks, const nifti_1_header& h) {
   for (int a = 1; a <= 3; ++a) {
-    if (!std::isfinite(h.pixdim[a]) || (h.pixdim[a] == 0.0f && h.sform_code <= 0)) {
+    // Where no sform has the axes, NIfTI's library takes a negative one for 1 mm.
+    if (!std::isfinite(h.pixdim[a]) || (h.pixdim[a] <= 0.0f && h.sform_code <= 0)) {
       checks.refuse("pixdim", fmt::format("spacing {} on axis {}", h.pixdim[a], a - 1),
                     "positive mm");
     }

@@ -103,8 +103,20 @@ void check_units(const HeaderChecks& checks, const TextHeader& header) {
   }
 }
 
+// ITK turns the wrong axis of it.
+void check_space(const HeaderChecks& checks, const TextHeader& header) {
+  if (!header.has("space")) return;
+  std::string space = header.field(checks, "space");
+  std::ranges::transform(space, space.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (space == "left-anterior-superior" || space == "las")
+    checks.refuse("space", fmt::format("'{}'", space),
+                  "left-posterior-superior or right-anterior-superior");
+}
+
 void check_vectors(const HeaderChecks& checks, const TextHeader& header, bool layered) {
   check_units(checks, header);
+  check_space(checks, header);
   if (header.has("space origin")) {
     checks.finite("space origin",
                   checks.numbers("space origin", header.field(checks, "space origin")));

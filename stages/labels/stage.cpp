@@ -112,7 +112,12 @@ std::vector<Material> materials_for(const StageRun& run, const Segmentation& seg
     for (const auto& segment : segmentation.segments) {
       check_label_name(segment.name, ExitCode::bad_input, run.input("volume").string(),
                        fmt::format("name of {}", segment.id));
-      materials.push_back({segment.name, {segment.id}});
+      const auto same = std::ranges::find(materials, segment.name, &Material::name);
+      if (same == materials.end()) {
+        materials.push_back({segment.name, {segment.id}});
+      } else {  // two lesions, say
+        same->ids.push_back(segment.id);
+      }
     }
     return materials;
   }
@@ -120,11 +125,10 @@ std::vector<Material> materials_for(const StageRun& run, const Segmentation& seg
   for (const auto& [name, parts] : parse_wanted(run.params().at("labels"))) {
     Material material{.name = name};
     for (const auto& part : parts) {
-      const auto& all = segmentation.segments;
-      const auto found = std::find_if(all.begin(), all.end(), [&part](const Segment& s) {
-        return part.is_string() ? part == s.name : part == s.id;
-      });
-      if (found == all.end()) {
+      std::vector<int> found;  // several where they have one name
+      for (const Segment& s : segmentation.segments)
+        if (part.is_string() ? part == s.name : part == s.id) found.push_back(s.id);
+      if (found.empty()) {
         throw Error(ExitCode::bad_input,
                     {.where = run.input("volume").string(),
                      .field = "labels." + name,
@@ -133,10 +137,11 @@ std::vector<Material> materials_for(const StageRun& run, const Segmentation& seg
                      .allowed = "the segments in this file: " + list_segments(segmentation),
                      .remedy = "correct 'labels', or give another volume"});
       }
-      if (!taken.emplace(found->id, name).second)
-        throw bad_labels(name,
-                         fmt::format("{} also stands under '{}'", part.dump(), taken[found->id]));
-      material.ids.push_back(found->id);
+      for (const int id : found) {
+        if (!taken.emplace(id, name).second)
+          throw bad_labels(name, fmt::format("{} also stands under '{}'", part.dump(), taken[id]));
+        material.ids.push_back(id);
+      }
     }
     materials.push_back(std::move(material));
   }
@@ -360,7 +365,7 @@ Stage labels_stage() {
   Stage stage;
   stage.info = {
       .name = "labels",
-      .version = "4",
+      .version = "5",
       .doc = "A segmented volume to one clean, cropped label volume.",
       .inputs = {{.role = "volume",
                   .many = true,

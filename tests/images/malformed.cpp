@@ -71,6 +71,8 @@ void add_nifti(Corpus& corpus) {
   header("rgb", "datatype", [](auto& h) { h.datatype = 128, h.bitpix = 24; });
   header("nan_spacing", "pixdim", [](auto& h) { h.pixdim[2] = nan_f, h.sform_code = 0; });
   header("zero_spacing", "pixdim", [](auto& h) { h.pixdim[2] = 0.0f, h.sform_code = 0; });
+  header("negative_spacing", "pixdim",
+         [](auto& h) { h.pixdim[3] = -2.0f, h.sform_code = 0, h.qform_code = 1; });
   header("singular_sform", "srow", [](auto& h) { std::copy_n(h.srow_x, 4, h.srow_y); });
   header("nan_sform", "srow", [](auto& h) { h.srow_y[1] = nan_f; });
   header("infinite_sform", "srow", [](auto& h) { h.srow_y[3] = INFINITY; });
@@ -149,6 +151,7 @@ void add_nrrd(Corpus& corpus) {
   spoilt("unknown_type.nrrd", "type", "block", "type");
   spoilt("bzip2.nrrd", "encoding", "bzip2", "encoding");
   spoilt("centimetres.nrrd", "encoding", "raw\nspace units: \"cm\" \"cm\" \"cm\"", "space units");
+  spoilt("las.nrrd", "space", "left-anterior-superior", "space");
   spoilt("singular.nrrd", "space directions", "(1,0,0) (2,0,0) (0,0,2)", "space directions");
   spoilt("nan_axis.nrrd", "space directions", "(1,0,0) (0,nan,0) (0,0,2)", "space directions");
   spoilt("two_axes.nrrd", "space directions", "(1,0,0) (0,1,0)", "space directions");
