@@ -1,6 +1,7 @@
 #include "sim/model/partition.hpp"
 
 #include <algorithm>
+#include <map>
 #include <numeric>
 
 #include "sim/base/assert.hpp"
@@ -97,6 +98,27 @@ int SplitVertices::replica_of(int block, int vertex) const {
   VISCERA_ASSERT(at != end && *at == vertex,
                  "block " << block << " has no replica of vertex " << vertex);
   return static_cast<int>(at - vertex_of_.begin());
+}
+
+std::vector<int> connected_parts(const Model& model, const std::vector<int>& parts) {
+  std::vector<int> first(parts.size());  // a tet of its part, at last the first one
+  std::iota(first.begin(), first.end(), 0);
+  const auto root = [&first](int t) {
+    while (first[t] != t) t = first[t] = first[first[t]];
+    return t;
+  };
+  std::map<std::array<int, 2>, int> at;  // a tet of a part at a vertex
+  for (int t = 0; t < static_cast<int>(parts.size()); ++t) {
+    for (const int v : model.tets[t]) {
+      const int a = root(at.try_emplace({parts[t], v}, t).first->second), b = root(t);
+      first[std::max(a, b)] = std::min(a, b);
+    }
+  }
+  std::vector<int> result(parts.size());
+  int count = 0;
+  for (int t = 0; t < static_cast<int>(parts.size()); ++t)
+    result[t] = root(t) == t ? count++ : result[root(t)];
+  return result;
 }
 
 }  // namespace viscera::sim

@@ -27,6 +27,10 @@
 
 namespace viscera::sim {
 
+// The parts of a partition of the tets, [tets] from 0 on in the order of their first tets, each
+// divided where its tets share no vertex.
+std::vector<int> connected_parts(const Model& model, const std::vector<int>& parts);
+
 // The part of a replica's dual variable, m, that it begins a sweep with.
 template <class T>
 SIM_HD Vec3<T> before_sweep(const Vec3<T>& dual) {

@@ -99,6 +99,7 @@ void check_stress(const StageRun& run, const sim::Scene& scene, sim::Method meth
   };
   if (method == sim::Method::pbd) refuse("solver: pbd, whose constraints have no stress");
   if (!sim::has_stress(scene)) refuse("effects without an energy of the strain");
+  if (scene.has<sim::ShapeMatching>()) refuse("effects.shape_matching, whose stress is not known");
 }
 
 void check_stress_frames(const sim::SolverOptions& options) {

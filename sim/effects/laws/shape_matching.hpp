@@ -39,7 +39,8 @@ struct ShapeMatching {
   };
   static constexpr auto fields() {
     return std::tuple{Field{"regions", "body|label|blocks", &Params::regions,
-                            "one region, one for each label, or blocks of neighbouring tets"},
+                            "one region, one for each label, or blocks of neighbouring tets; what "
+                            "does not hang together are several"},
                       Field{"tets", "1", &Params::tets, 1.0, 1e9, "of a block"}};
   }
   static void check(const Params& params) {
@@ -49,12 +50,12 @@ struct ShapeMatching {
   }
 
   static std::vector<int> regions(const Model& model, const Params& params) {
-    if (params.regions == "label") return model.material_of;
+    if (params.regions == "label") return connected_parts(model, model.material_of);
     std::vector<int> region(model.tet_count(), 0);
-    if (params.regions == "body") return region;
+    if (params.regions == "body") return connected_parts(model, region);
     const Blocks blocks(model, static_cast<int>(std::min(params.tets, 1e9)));
     for (std::size_t t = 0; t < region.size(); ++t) region[t] = blocks.block_of(model.tets[t]);
-    return region;
+    return connected_parts(model, region);
   }
 
   // From sum mu V and sum m r^2 of a region, 1/s2.

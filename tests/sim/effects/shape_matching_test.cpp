@@ -2,6 +2,8 @@
 // means.
 #include <gtest/gtest.h>
 
+#include <map>
+
 #include "sim/base/best_rotation.hpp"
 #include "sim/model/regions.hpp"
 #include "tests/sim/shapes.hpp"
@@ -52,6 +54,29 @@ Scene matching_scene(const char* regions = "body") {
   params.regions = regions;
   params.tets = 60.0;
   return scene;
+}
+
+// Two cubes of two tets' labels that do not touch.
+TEST(ShapeMatching, RegionsAreOfTetsThatHangTogether) {
+  const Model one = make_cube(2);
+  std::vector<Vec3<double>> points;
+  std::vector<Tet> tets;
+  std::vector<int> labels;
+  for (int cube = 0; cube < 2; ++cube) {
+    const int first = static_cast<int>(points.size());
+    for (const auto& x : one.rest) points.push_back(x + Vec3<double>{0.2 * cube, 0.0, 0.0});
+    for (const Tet& tet : one.tets) {
+      tets.push_back({tet[0] + first, tet[1] + first, tet[2] + first, tet[3] + first});
+      labels.push_back(1);
+    }
+  }
+  const Model two = make_model(points, tets, labels, {{1, one.materials.front()}});
+  for (const char* const regions : {"body", "label", "blocks"}) {
+    const auto region = ShapeMatching::regions(two, {regions, 1000.0});
+    for (std::size_t t = 0; t < region.size(); ++t)
+      EXPECT_EQ(region[t], t < one.tet_count() ? 0 : 1) << regions << " " << t;
+  }
+  for (const int region : ShapeMatching::regions(one, {"body", 200.0})) EXPECT_EQ(region, 0);
 }
 
 State at_rest(const Model& model) {
@@ -257,9 +282,12 @@ TEST(ShapeMatching, EveryTetIsInTheBlockOfItsPlaceWhicheverTetComesFirst) {
   const auto regions = ShapeMatching::regions(model, {.regions = "blocks", .tets = 60.0});
   ASSERT_EQ(regions.size(), model.tet_count());
   EXPECT_NE(regions.front(), regions.back());
+  std::map<int, int> block_of_region;
   for (std::size_t t = 0; t < regions.size(); ++t) {
-    EXPECT_EQ(regions[t], blocks.block_of(model.tets[t])) << t;
+    const int block = blocks.block_of(model.tets[t]);
+    EXPECT_EQ(block_of_region.try_emplace(regions[t], block).first->second, block) << t;
   }
+  EXPECT_EQ(block_of_region.size(), static_cast<std::size_t>(blocks.count()));
 }
 
 TEST(ShapeMatching, SolversThatCannotDoItSaySo) {
