@@ -68,14 +68,18 @@ void Simulation::prepare() {
   if (options_.method == sim::Method::tled) watch_.emplace(model, scene);
 }
 
+// As run() watches frames. The state of a device stays there: it is looked at when it is asked for.
 void Simulation::step() {
-  state_.reset(), said_ = {};
-  translated(run_, [this] {
+  said_ = {};
+  const auto before = solver_->off_host() ? nullptr : state();
+  state_.reset();
+  translated(run_, [&] {
     const std::size_t next = schedule_->at(time_s());
     if (next != setting_) {
       schedule_->set(next, setup_.model, setup_.file.scene);
       solver_->retune(setup_.model, setup_.file.scene);
       setting_ = next;
+      energy_.reset();
     }
     try {
       solver_->advance_frame();
@@ -83,8 +87,14 @@ void Simulation::step() {
       throw diverged(end.what());
     }
     ++frame_;
-    if (!watch_) return;
-    if (const std::string why = (*watch_)(*state()); !why.empty()) throw diverged(why);
+    if (!before) return;
+    const auto now = state();
+    const sim::Diagnostics sums = diagnose();
+    if (!energy_) energy_.emplace(body(), scene(), options_.method), course_ = {};
+    std::string why = why_diverged(*now, sums, body().size());
+    if (why.empty() && watch_) why = (*watch_)(*now);
+    if (why.empty()) why = energy_->judge(before.get(), *now, sums, time_s(), course_);
+    if (!why.empty()) throw diverged(why);
   });
 }
 
@@ -96,17 +106,17 @@ void Simulation::follow_solver() {
 
 Outcome Simulation::run(const std::function<void(const ComputedFrame&)>& keep,
                         std::optional<double> until_s) {
-  state_.reset(), said_ = {};
+  state_.reset(), said_ = {}, energy_.reset();
   FrameOptions frames = frame_options(run_, setup_.file, setup_.model, options_);
   frames.keep = [&keep](const ComputedFrame& frame, const sim::State&) { keep(frame); };
   frames.probes = probes_, frames.gaps = gaps_;
   if (watch_) frames.objects = std::ref(*watch_);
   sim::Scene& scene = setup_.file.scene;
-  const auto end = [this, &scene, time = scene.time, rest = scene.rest] {
-    scene.time = time, scene.rest = rest;
+  const auto end = [this, &scene, time = scene.time] {
+    scene.time = time;
     follow_solver();
   };
-  if (until_s) scene.time.end_s = *until_s, scene.rest.hold_s = sim::never;
+  if (until_s) scene.time.end_s = *until_s, frames.ends_at_rest = false;
   Outcome outcome;
   try {
     translated(run_,
@@ -182,6 +192,13 @@ Simulation::Certified Simulation::certify() {
 }
 
 std::vector<sim::Vec3<double>> Simulation::forces() {
+  if (scene().has<sim::ShapeMatching>()) {
+    throw Error(ExitCode::bad_config,
+                {.where = run_.input("scene").string(),
+                 .field = "forces",
+                 .found = "effects.shape_matching, whose forces are not known",
+                 .allowed = "effects of elements"});
+  }
   std::vector<sim::Vec3<double>> found;
   translated(run_, [&] { found = sim::element_forces(body(), scene(), *state()); });
   return found;
@@ -207,8 +224,16 @@ void Simulation::set(const std::string& name, double value) {
     number.value = value;
     sim::check_scene(file.scene);
     sim::Model model = body_of(run_, file, setup_.mesh);
+    const double nu = model.largest_poisson_ratio();
+    if (nu > sim::groups_above_nu && has_smoothed(file.scene) &&
+        !file.scene.has<sim::GroupedVolume>()) {
+      refuse(fmt::format("{}, of a body that began without groups of tets for its volume", nu),
+             fmt::format("at most {}, or a simulation that begins above", sim::groups_above_nu));
+    }
+    sim::go_on_from(setup_.file.scene.effects, file.scene.effects, time_s());
     solver_->retune(model, file.scene);
     setup_.file = std::move(file), setup_.model = std::move(model);
+    energy_.reset();
     schedule_.emplace(setup_.file);
   });
 }

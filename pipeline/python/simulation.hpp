@@ -90,7 +90,9 @@ class Simulation {
   sim::SolverOptions options_;
   std::string scheme_;
   std::unique_ptr<sim::Solver> solver_;
-  std::optional<ExplicitWatch> watch_;  // explicit dynamics only
+  std::optional<ExplicitWatch> watch_;      // explicit dynamics only
+  std::optional<sim::EnergyWatch> energy_;  // of step(); none yet since values changed
+  sim::EnergyWatch::Course course_;
   Said said_;
   std::shared_ptr<const sim::State> state_;  // null: not asked for since the last frame
   int frame_ = 0;

@@ -94,12 +94,15 @@ struct Prescribed {
     return path.from + (path.smooth ? s * s * (T(3) - T(2) * s) : s) * path.way;
   }
 
-  // What a schedule puts in place of `before` at a time, s: it goes on from where that one is then.
+  // What is put in place of `before` at a time, s: it goes on from where that one is then.
   static Params gone_on(const Params& before, Params now, double time) {
     const bool same = norm(now.displacement - before.displacement) == 0.0 &&
-                      now.start == before.start && now.duration == before.duration &&
+                      now.start <= before.start && now.duration == before.duration &&
                       now.ramp == before.ramp;
-    if (same) return now;
+    if (same) {
+      now.from = before.from, now.start = before.start;
+      return now;
+    }
     now.from = target(path<double>(before), {}, time);
     now.start = std::max(now.start, time);
     return now;

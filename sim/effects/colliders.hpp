@@ -275,13 +275,16 @@ struct Collider {
     };
   }
 
-  // What a schedule puts in place of `before` at a time, s: it goes on from where that one is then,
-  // or stands where the change puts it.
+  // What is put in place of `before` at a time, s: it goes on from where that one is then, or
+  // stands where the change puts it.
   static Params gone_on(const Params& before, Params now, double time) {
     const bool is_put = norm(Shape::anchor(now, {}) - Shape::anchor(before, {})) > 0.0;
-    const bool same = norm(now.velocity - before.velocity) == 0.0 && now.start == before.start &&
+    const bool same = norm(now.velocity - before.velocity) == 0.0 && now.start <= before.start &&
                       now.stop == before.stop;
-    if (!is_put && same) return now;
+    if (!is_put && same) {
+      now.so_far = before.so_far, now.start = before.start;
+      return now;
+    }
     now.so_far = is_put ? Vec3<double>{} : before.gone(time);
     now.start = std::max(now.start, time);
     return now;

@@ -1,5 +1,6 @@
 #include "sim/scene/scene.hpp"
 
+#include <algorithm>
 #include <sstream>
 #include <string>
 
@@ -64,6 +65,17 @@ void refuse_restitution_of_a_body(const typename Effect::Params& params, const s
 }
 
 }  // namespace
+
+void go_on_from(const Effects::Choice& before, Effects::Choice& now, double time_s) {
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (requires { &Effect::gone_on; }) {
+      const auto& last = std::get<i>(before);
+      auto& all = std::get<i>(now);
+      for (std::size_t k = 0; k < std::min(all.size(), last.size()); ++k)
+        all[k] = Effect::gone_on(last[k], all[k], time_s);
+    }
+  });
+}
 
 void check_scene(const Scene& scene) {
   const auto& time = scene.time;

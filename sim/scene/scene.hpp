@@ -68,6 +68,10 @@ std::string name_of(const std::vector<typename Effect::Params>& all, std::size_t
                          : std::string(Effect::name) + "." + std::to_string(k + 1);
 }
 
+// Of effects that take the place of those before at a time, s: what is on its way goes on from
+// where it is.
+void go_on_from(const Effects::Choice& before, Effects::Choice& now, double time_s);
+
 // Throws Refusal for a time grid, a direction or a parameter that makes no sense, alone or with the
 // effects beside it.
 void check_scene(const Scene& scene);

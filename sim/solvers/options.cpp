@@ -35,6 +35,11 @@ void check_options(const Scene& scene, const SolverOptions& options) {
   if (options.method == Method::tled && options.iterations != 1) {
     refuse("iterations", std::to_string(options.iterations), "1: TLED is explicit");
   }
+  if (options.is_static() && scene.has<Grip>()) {
+    throw Refusal(Refusal::Cause::scene, "effects.grip", "frames that are equilibria",
+                  "a solver with time steps, over which a grip pulls",
+                  "hold the body by prescribed or spring, or use solver xpbd");
+  }
   if (options.method != Method::pbd) return;
   Effects::for_each([&]<class Effect, std::size_t i>() {
     if (std::get<i>(scene.effects).empty() || is_projectable<Effect>) return;

@@ -295,6 +295,12 @@ void World::take(Json changes, bool has_tool) {
   Json all = run_.params().at("change");
   all.update(changes);
   SceneFile file = scene_of(run_, all);
+  const bool begins_anew = changes.empty();
+  if (setting_ && !begins_anew) {
+    const double time_s =
+        frame_s() * static_cast<double>(solver_->state().step) / setting_->scene.time.substeps;
+    sim::go_on_from(setting_->scene.effects, file.scene.effects, time_s);
+  }
   add_hand(file.scene, model, has_tool);
   const auto materials = model.materials;
   try {
@@ -309,7 +315,6 @@ void World::take(Json changes, bool has_tool) {
     next->changes = std::move(changes);
     next->materials = model.materials;
     next->scene = std::move(file.scene);
-    const bool begins_anew = next->changes.empty();
     if (setting_ && !begins_anew) {
       next->scene.time.substeps =
           std::max(next->scene.time.substeps, setting_->scene.time.substeps);
@@ -317,10 +322,12 @@ void World::take(Json changes, bool has_tool) {
     }
     next->options = solver_choice(run_, model, next->scene).options;
     next->stability = sim::apply_policy(model, next->scene, next->options);
-    const bool same = setting_ && has_tool == hand_.has_tool &&
-                      next->options.scheme == setting_->options.scheme &&
-                      next->stability.switched == setting_->stability.switched &&
-                      next->scene.time.substeps == setting_->scene.time.substeps;
+    const bool same =
+        setting_ && has_tool == hand_.has_tool &&
+        next->options.scheme == setting_->options.scheme &&
+        next->stability.switched == setting_->stability.switched &&
+        next->scene.has<sim::GroupedVolume>() == setting_->scene.has<sim::GroupedVolume>() &&
+        next->scene.time.substeps == setting_->scene.time.substeps;
     if (same) {
       solver_->retune(model, next->scene);
     } else {

@@ -29,14 +29,6 @@ auto timed(double& seconds, Work&& work) {
   return work();
 }
 
-std::string why_diverged(const sim::State& state, const sim::Diagnostics& now, double size) {
-  if (!state.finite()) return "values that are not finite";
-  if (now.max_displacement > lost_after_sizes * size) {
-    return fmt::format("a displacement of {:.3g} m", now.max_displacement);
-  }
-  return "";
-}
-
 // A frame as the solver left it.
 struct Stepped {
   sim::State state;
@@ -150,6 +142,14 @@ class Forces {
 
 }  // namespace
 
+std::string why_diverged(const sim::State& state, const sim::Diagnostics& now, double size) {
+  if (!state.finite()) return "values that are not finite";
+  if (now.max_displacement > lost_after_sizes * size) {
+    return fmt::format("a displacement of {:.3g} m", now.max_displacement);
+  }
+  return "";
+}
+
 Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
                    const Schedule& schedule, const FrameOptions& options, Outcome start) {
   Outcome outcome = std::move(start);
@@ -173,7 +173,8 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
   }
   watch.emplace(model, scene, options.method);
   Forces forces(model, scene, options, outcome);
-  for (int index = first_frame; index <= last_frame && !outcome.rested; ++index) {
+  const auto is_over = [&] { return outcome.rested && options.ends_at_rest; };
+  for (int index = first_frame; index <= last_frame && !is_over(); ++index) {
     const bool begins = outcome.frames.empty();
     const auto next = schedule.at((index - 1) * frame_s);
     const bool changed = next != setting;
@@ -249,9 +250,9 @@ Outcome run_frames(sim::Solver& solver, sim::Model& model, sim::Scene& scene,
     const double still_since_s = outcome.rest.since();
     outcome.rested =
         still_since_s >= 0.0 && frame.time_s - still_since_s >= scene.rest.hold_s - 1e-9;
-    if (outcome.rested || index == last_frame) forces.find_at_end(first, outcome);
+    if (is_over() || index == last_frame) forces.find_at_end(first, outcome);
     if (options.kept) options.kept(outcome);
-    log::progress("simulating", outcome.rested ? 1.0 : frame.time_s / scene.time.end_s,
+    log::progress("simulating", is_over() ? 1.0 : frame.time_s / scene.time.end_s,
                   fmt::format("t {:.2f} s, speed {:.1f} mm/s, {:.1f} ms a frame", frame.time_s,
                               1e3 * frame.now.max_speed, frame.step_ms));
   }

@@ -68,12 +68,16 @@ struct FrameOptions {
   // Says of a frame after the first why the run may not go on from it: a divergence; empty: it may.
   std::function<std::string(const sim::State&)> objects = {};
   bool is_static = false;                      // frames are equilibria
+  bool ends_at_rest = true;                    // or with the time
   bool forces = false;                         // whether frames are to know theirs
   double acts_s = 0.0;                         // sim::Reactions
   sim::Reactions::ForcesOfTissue tissue = {};  // where tets are quadratic
   std::vector<sim::Probe> probes = {};
   std::vector<sim::GapProbe> gaps = {};
 };
+
+// What is wrong with a frame whatever was before; empty: nothing. `size` of the body, m.
+std::string why_diverged(const sim::State& state, const sim::Diagnostics& now, double size);
 
 // Body and scene, with which the solver was made, go through the schedule from its start on.
 // `start` holds what an interrupted run had reached; empty: the run begins with the solver's state.

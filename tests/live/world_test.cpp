@@ -1,4 +1,6 @@
 // What a hand does to the body, frame by frame and to the bit.
+#include <regex>
+
 #include "pipeline/base/error.hpp"
 #include "tests/live/live_run.hpp"
 
@@ -140,6 +142,36 @@ TEST_F(Live, AStiffnessActsAtOnceAndOnARunThatGoesOn) {
     return diagnose(world.body(), world.setting()->scene, world.state()).elastic;
   };
   EXPECT_GT(sag(*soft), 1.5 * sag(*stiff));
+}
+
+// Groups of tets come with it, as in a run that begins so.
+TEST_F(Live, ANuNearerToOneHalfThanTheStartsGivesTheBodyThatBeginsWithIt) {
+  const std::string soft = std::regex_replace(live_scene, std::regex("nu: 0.45"), "nu: 0.4");
+  const auto changed = make_world(soft);
+  changed->apply(Change{{{"materials.liver.nu", 0.49}}});
+  const auto begun = make_world(std::regex_replace(live_scene, std::regex("nu: 0.45"), "nu: 0.49"));
+  EXPECT_TRUE(changed->setting()->scene.has<sim::GroupedVolume>());
+  advance(*changed, 20), advance(*begun, 20);
+  for (std::size_t v = 0; v < begun->state().u.size(); ++v)
+    EXPECT_LT(norm(changed->state().u[v] - begun->state().u[v]), 1e-6) << v;
+}
+
+TEST_F(Live, WhatIsOnItsWayGoesOnFromWhereItIsWhenAHandChangesIt) {
+  const std::string led = std::regex_replace(live_scene, std::regex("ground: .*"),
+                                             "prescribed: {side: superior, within: 1 mm, "
+                                             "displacement: [0 mm, 0 mm, 10 mm], duration: 1 s}");
+  const auto world = make_world(led);
+  const int corner = top_corner(*world);
+  advance(*world, 15);
+  const double before = world->state().u[corner].z;
+  EXPECT_NEAR(before, 0.0025, 0.0025);
+  world->apply(Change{{{"effects.prescribed.displacement", Json{"0 mm", "0 mm", "30 mm"}}}});
+  advance(*world, 1);
+  EXPECT_NEAR(world->state().u[corner].z, before, 6e-4);
+  world->apply(Change{{{"effects.prescribed.displacement", Json{"0 mm", "0 mm", "30 mm"}},
+                       {"materials.liver.E", "6 kPa"}}});
+  advance(*world, 70);
+  EXPECT_NEAR(world->state().u[corner].z, 0.03, 1e-5);
 }
 
 TEST_F(Live, ValuesOutOfRangeAreRefusedByNameAndChangeNothing) {

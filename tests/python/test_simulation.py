@@ -196,8 +196,8 @@ def test_a_run_that_is_broken_off_goes_on_from_its_last_frame(mesh):
 def test_a_run_goes_on_to_a_time_that_is_asked_for_and_then_as_the_scene_says(mesh):
     held = {**falling(fixed={"side": "superior"}), "rest": {"speed": "1 m/s", "hold": "0.05 s"}}
     sim = viscera.Simulation(mesh, held)
-    told = sim.run(until=0.75)  # beyond its end, and it would rest at once
-    assert not told["rested"]
+    told = sim.run(until=0.75)  # beyond its end and its rest, which is told
+    assert told["rested"] and told["rest_time_s"] < 0.2
     assert sim.time == pytest.approx(0.75)
     assert len(told["frames"]) == 46
     assert viscera.Simulation(mesh, held).run(until="rest")["rested"]
@@ -305,6 +305,56 @@ def test_explicit_dynamics_that_grew_too_stiff_for_its_steps_ends_as_in_the_prog
     with pytest.raises(viscera.Error, match="Courant number") as caught:
         again.step(30)
     assert caught.value.exit_code == 7
+
+
+def test_a_step_that_gains_energy_is_refused_as_in_a_run(mesh):
+    scene = falling(fixed={"side": "superior"})
+    scene["materials"]["liver"] |= {"E": "2 MPa", "damping": "0 s"}
+    scene |= {"stability": "warn", "time": {"frame_rate": "60 Hz", "substeps": 4, "end": "0.5 s"}}
+    assert "energy" in viscera.Simulation(mesh, scene).run()["divergence"]
+    sim = viscera.Simulation(mesh, scene)
+    with pytest.raises(viscera.Error, match="energy") as caught:
+        sim.step(30)
+    assert caught.value.exit_code == 7
+
+
+def test_what_a_scene_has_no_forces_of_is_refused(mesh):
+    scene = falling(shape_matching={"regions": "body"})
+    sim = viscera.Simulation(mesh, scene)
+    for asked in ("forces", "stress"):
+        with pytest.raises(viscera.Error, match="shape_matching"):
+            getattr(sim, asked)
+
+
+def test_a_grip_is_no_equilibrium(mesh):
+    held = falling(fixed={"side": "superior"}, grip={"point": ["25 mm", "25 mm", "50 mm"], "radius": "20 mm",
+                                                     "offset": ["0 mm", "0 mm", "5 mm"]})
+    with pytest.raises(viscera.Error, match="grip"):
+        viscera.Simulation(mesh, held, solver="fem", fem_time="quasi_static")
+    sim = viscera.Simulation(mesh, held)
+    with pytest.raises(viscera.Error, match="grip"):
+        sim.gradient(np.zeros_like(sim.displacements), ["materials.liver.E"])
+
+
+def test_a_value_that_is_set_leaves_what_is_led_where_it_is(mesh):
+    scene = falling(prescribed={"side": "superior", "within": "1 mm", "displacement": ["0 mm", "0 mm", "10 mm"],
+                                "duration": "1 s"})
+    sim = viscera.Simulation(mesh, scene, solver="fem", substeps=1)
+    top = mesh.points[:, 2] > 49.0
+    sim.step(15)
+    before = sim.displacements[top, 2].mean()
+    sim.set("effects.prescribed.displacement.z", 0.03)
+    sim.step()
+    assert sim.displacements[top, 2].mean() == pytest.approx(before, abs=6e-4)
+
+
+def test_a_nu_that_needs_groups_of_tets_is_refused_where_a_body_began_without(mesh):
+    scene = falling(fixed={"side": "superior"})
+    scene["materials"]["liver"]["nu"] = 0.4
+    sim = viscera.Simulation(mesh, scene, solver="fem", substeps=1)
+    sim.set("materials.liver.nu", 0.45)
+    with pytest.raises(viscera.Error, match="groups"):
+        sim.set("materials.liver.nu", 0.49)
 
 
 def hanging_bar(E="5 kPa", nu=0.4, gravity="9.80665 m/s2", aside="1 mm"):

@@ -33,6 +33,13 @@ constexpr bool is_law =
     sim::is_any_of<Effect, sim::NeoHookean, sim::SmoothedNeoHookean, sim::MooneyRivlin, sim::Ogden,
                    sim::Linear, sim::StVK, sim::Corotational>;
 
+// `element` decides on it, and no scene names it. (Smoothed Neo-Hookean tissue may be named: it was
+// before there was `element`.)
+template <class Effect>
+constexpr bool is_of_element = std::is_same_v<Effect, sim::GroupedVolume> ||
+                               (sim::is_smoothed<Effect> &&
+                                !std::is_same_v<Effect, sim::SmoothedNeoHookean>);
+
 const std::vector<Param>& time_params() {
   const sim::TimeGrid grid;
   static const std::vector<Param> params = {
@@ -175,10 +182,9 @@ class SceneReader {
                                          .allowed = "the effects that are on, by name"});
     }
     std::vector<std::string> names = effect_names();
-    for (const char* const name :
-         {sim::GroupedVolume::name, sim::SmoothedMooneyRivlin::name, sim::SmoothedOgden::name}) {
-      std::erase(names, name);  // `element` decides on it
-    }
+    sim::Effects::for_each([&]<class Effect, std::size_t>() {
+      if constexpr (is_of_element<Effect>) std::erase(names, Effect::name);
+    });
     check_keys(node, "effects.", names);
     sim::Effects::for_each([&]<class Effect, std::size_t i>() {
       const YAML::Node named = node[Effect::name];
@@ -215,7 +221,7 @@ class SceneReader {
     }
     file_.element = found->second;
     if (file_.element == sim::Element::smoothed && !sim::has_law_to_smooth(file_.scene)) {
-      throw fail(node, "element", "smoothed, without neo_hookean, mooney_rivlin or ogden",
+      throw fail(node, "element", "smoothed, without " + sim::laws_to_smooth(),
                  "smoothed elements of these; other laws have linear tets",
                  "name one of them under effects, or leave element out");
     }
@@ -242,7 +248,9 @@ class SceneReader {
       change_materials(item["materials"], now.materials);
       const auto last = now.effects;
       change_effects(item["effects"], now.effects);
-      go_on_from(last, now);
+      // From where it is in the frame that the change begins with.
+      const double frame_s = file_.scene.time.frame_s;
+      sim::go_on_from(last, now.effects, frame_s * std::ceil(now.at_s / frame_s - 1e-6));
       file_.schedule.push_back(now);
     }
   }
@@ -285,19 +293,6 @@ class SceneReader {
       }
       for (std::size_t k = 0; k < given; ++k) {
         read_fields<Effect>(named.IsSequence() ? named[k] : named, all[k], "schedule.");
-      }
-    });
-  }
-
-  // What is on its way goes on from where it is in the frame that the change begins with.
-  void go_on_from(const sim::Effects::Choice& last, SceneChange& now) const {
-    const double frame_s = file_.scene.time.frame_s;
-    const double time_s = frame_s * std::ceil(now.at_s / frame_s - 1e-6);
-    sim::Effects::for_each([&]<class Effect, std::size_t i>() {
-      if constexpr (requires { &Effect::gone_on; }) {
-        auto& all = std::get<i>(now.effects);
-        for (std::size_t k = 0; k < all.size(); ++k)
-          all[k] = Effect::gone_on(std::get<i>(last)[k], all[k], time_s);
       }
     });
   }
