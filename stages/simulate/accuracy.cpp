@@ -99,7 +99,6 @@ std::string why_not(const JsonValue& point, const Question& question) {
   // How near PBD comes with one stiffness and substep says nothing of its error with others.
   if (solver == "pbd") return "PBD, whose error at one setting says nothing of another";
   if (!point.find("total_mm")) return "no truth on a finer mesh";
-  if (point["total_doubtful"].flag()) return "error below ten times the doubt of the truth";
   // Quadratic tets are named by another param.
   const auto order = point["setting"].find("fem_order");
   const bool is_quadratic = solver == "fem" && order && order->number() == 2.0;

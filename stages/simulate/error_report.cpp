@@ -108,8 +108,8 @@ std::optional<std::size_t> next_mesh(const AdaptGoal& goal, const Aim& aim, std:
     log::warn("adapt: {}, and this was the last round", off);
   } else if (const double stays = now.solver + now.support + now.surface; stays >= allowed) {
     log::warn(
-        "adapt: {}, {:.3g} mm of it by solver, support and surface, which finer meshes hardly "
-        "change",
+        "adapt: {}, {:.3g} mm of it by solver, support and surface, for which no mesh is made "
+        "anew",
         off, m_to_mm * stays);
   } else {
     log::warn("adapt: {}, and a finer mesh would have more than {} tets", off, goal.at_most);

@@ -13,6 +13,8 @@
 
 #include <filesystem>
 #include <map>
+#include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -50,6 +52,9 @@ class Variables {
   Expansion expand(const std::filesystem::path& path, const YAML::Node& node,
                    const std::string& field) const;
 
+  // Whether anything that was expanded, by this object or by what it is a copy of, has the name.
+  bool is_used(const std::string& name) const { return used_->contains(name); }
+
  private:
   struct Variable {
     std::string text;
@@ -67,6 +72,7 @@ class Variables {
 
   std::filesystem::path spec_;
   std::map<std::string, Variable> variables_;
+  std::shared_ptr<std::set<std::string>> used_ = std::make_shared<std::set<std::string>>();
 };
 
 }  // namespace viscera::engine

@@ -44,14 +44,15 @@ void put_materials(Buffer& text, const StaticProblem& problem, const LabelNames&
   }
 }
 
-// A spring to the ground for each node and axis.
+// A spring to the ground for each node and axis. CalculiX takes "5e-05" there for no number: it
+// wants a point.
 void put_beds(Buffer& text, const StaticProblem& problem) {
   std::size_t element = problem.elements.size();
   for (const auto& [node, stiffness] : problem.beds) {
     for (int axis = 1; axis <= 3; ++axis) {
       put(text,
           "*ELEMENT, TYPE=SPRING1, ELSET=BED_{0}_{1}\n{2}, {0}\n"
-          "*SPRING, ELSET=BED_{0}_{1}\n{1}\n{3:.9g}\n",
+          "*SPRING, ELSET=BED_{0}_{1}\n{1}\n{3:.8e}\n",
           node + 1, axis, ++element, stiffness);
     }
   }
