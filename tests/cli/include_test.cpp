@@ -53,18 +53,6 @@ TEST_F(Include, ASpecGoesOnFromAnotherAndHasTheLastWord) {
       << "a path is relative to the file that names it";
 }
 
-// What named it is gone with the params that another spec gives in their place.
-TEST_F(Include, AVariableThatIsSetAndThatNothingNamesIsSaid) {
-  const auto named = run("include: parts/base.yaml\n", {"--set", "words=mine"});
-  ASSERT_EQ(named.exit, 0) << named.errors;
-  EXPECT_FALSE(contains(named.errors, "nothing in the spec names")) << named.errors;
-  const auto unused =
-      run("include: parts/base.yaml\nstages:\n  echo: {text: other}\n", {"--set", "words=mine"});
-  ASSERT_EQ(unused.exit, 0) << unused.errors;
-  EXPECT_TRUE(contains(unused.errors, "--set words: nothing in the spec names ${words}"))
-      << unused.errors;
-}
-
 TEST_F(Include, OfSeveralTheLaterHasTheLastWordAndInputsAreReplacedRoleByRole) {
   work_.write("specs/other.txt", "other voxels\n");
   work_.write("specs/parts/words.yaml", "viscera: 1\nvars: {words: later}\n");

@@ -6,7 +6,6 @@
 #include <set>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/base/log.hpp"
 #include "pipeline/base/yaml_file.hpp"
 #include "pipeline/engine/spec/cases.hpp"
 #include "pipeline/engine/spec/spec_file.hpp"
@@ -48,19 +47,10 @@ class SpecReader {
     spec.gather = stages_of("gather");
     for (const auto& text : request.sets) apply_param(text, spec);
     if (!request.only_cases.empty()) spec.gather.clear();
-    report_unused(request.sets);
     return spec;
   }
 
  private:
-  // As where a spec that includes another one has taken the place of what named them.
-  void report_unused(const std::vector<std::string>& sets) const {
-    for (const auto& text : sets) {
-      const std::string name = split_assignment(text).first;
-      if (!names_param(name) && !variables_.is_used(name))
-        log::warn("--set {}: nothing in the spec names ${{{}}}", text, name);
-    }
-  }
   static void check_once(const std::vector<std::string>& sets) {
     std::set<std::string> names;
     for (const auto& text : sets) {

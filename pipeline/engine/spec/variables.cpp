@@ -128,7 +128,6 @@ const Variables::Variable& Variables::value_of(const std::string& name, const st
                  .remedy = environment ? "give it a name there: 'vars: {NAME: \"${" + name + "}\"}'"
                                        : suggestion(name)});
   }
-  used_->insert(name);
   const Variable& variable = found->second;
   if (!variable.given) {
     const std::string set = fmt::format("--set {}=VALUE", name);

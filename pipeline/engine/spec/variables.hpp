@@ -13,8 +13,6 @@
 
 #include <filesystem>
 #include <map>
-#include <memory>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -52,9 +50,6 @@ class Variables {
   Expansion expand(const std::filesystem::path& path, const YAML::Node& node,
                    const std::string& field) const;
 
-  // Whether anything that was expanded, by this object or by what it is a copy of, has the name.
-  bool is_used(const std::string& name) const { return used_->contains(name); }
-
  private:
   struct Variable {
     std::string text;
@@ -72,7 +67,6 @@ class Variables {
 
   std::filesystem::path spec_;
   std::map<std::string, Variable> variables_;
-  std::shared_ptr<std::set<std::string>> used_ = std::make_shared<std::set<std::string>>();
 };
 
 }  // namespace viscera::engine

@@ -6,10 +6,9 @@
 // the symmetric matrices in which Hooke's matrix is diagonal (Mandel's factors; Mehrabadi and
 // Cowin, "Eigentensors of linear anisotropic elastic materials", QJMAM 1990, section 3)
 //
-//   k = (3 lambda + 2 mu) V:  C_0 = tr e / sqrt 3
-//   k = 2 mu V:               C_1 = (e_xx - e_yy) / sqrt 2,   C_2 = (e_xx + e_yy - 2 e_zz) / sqrt
-//   6,
-//                             C_3 = sqrt 2 e_yz,   C_4 = sqrt 2 e_xz,   C_5 = sqrt 2 e_xy
+//   C_0 = tr e / sqrt 3,                                                k = (3 lambda + 2 mu) V
+//   C_1 = (e_xx - e_yy) / sqrt 2,   C_2 = (e_xx + e_yy - 2 e_zz) / sqrt 6,
+//   C_3 = sqrt 2 e_yz,   C_4 = sqrt 2 e_xz,   C_5 = sqrt 2 e_xy,        k = 2 mu V of each
 //
 // so that sum k C^2 / 2 = V Psi. With de = sym(G^T dF) the gradient of C_r is dC_r/dF = G B_r, B_r
 // the r-th matrix of the basis: G = I, F or R makes the linear, the St. Venant-Kirchhoff and the

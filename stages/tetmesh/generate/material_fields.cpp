@@ -118,33 +118,42 @@ double MaterialFields::bias_of(const Field& lead, const std::vector<std::size_t>
   const std::array<std::size_t, 3> next = {
       1, static_cast<std::size_t>(frame_.size[0]),
       static_cast<std::size_t>(frame_.size[0]) * static_cast<std::size_t>(frame_.size[1])};
-  const auto change = [&](std::size_t v, std::size_t step) {
-    const float behind = v >= step ? lead[v - step] : NAN;
-    const float ahead = v + step < lead.size() ? lead[v + step] : NAN;
-    if (std::isfinite(behind) && std::isfinite(ahead)) return 0.5 * std::abs(ahead - behind);
-    if (std::isfinite(ahead)) return 1.0 * std::abs(ahead - lead[v]);
-    return std::isfinite(behind) ? 1.0 * std::abs(lead[v] - behind) : 0.0;
-  };
+  // From a voxel's centre to its faces the lead changes by half of what it does to the neighbours.
   struct Near {
-    double lead, range;  // at the voxel's centre, and over the voxel
+    double lead;         // at the centre
+    double below = 0.0;  // how much smaller it gets within the voxel, and how much larger
+    double above = 0.0;
+
+    double share_below(double bias) const {
+      const double beyond = bias - lead, reach = beyond < 0.0 ? below : above;
+      return std::clamp(0.5 + 0.5 * beyond / std::max(reach, 1e-6), 0.0, 1.0);
+    }
   };
   std::vector<Near> near;  // those that a bias may divide
   double always = 0.0;
   for (const std::size_t v : inside) {
-    double range = 1e-6;
-    for (const std::size_t step : next) range += change(v, step);
-    if (lead[v] + 0.5 * range < -most) {
+    Near voxel{lead[v]};
+    for (const std::size_t step : next) {
+      const float behind = v >= step ? lead[v - step] : NAN;
+      const float ahead = v + step < lead.size() ? lead[v + step] : NAN;
+      double least = 0.0, greatest = 0.0;
+      for (const float other : {behind, ahead}) {
+        const double half = std::isfinite(other) ? 0.5 * (other - lead[v]) : 0.0;
+        least = std::min(least, half), greatest = std::max(greatest, half);
+      }
+      voxel.below -= least, voxel.above += greatest;
+    }
+    if (voxel.lead + voxel.above < -most) {
       always += 1.0;
-    } else if (lead[v] - 0.5 * range < most) {
-      near.push_back({lead[v], range});
+    } else if (voxel.lead - voxel.below < most) {
+      near.push_back(voxel);
     }
   }
   double low = -most, high = most;
   for (int step = 0; step < 30; ++step) {
     const double middle = 0.5 * (low + high);
     double count = always;
-    for (const Near& voxel : near)
-      count += std::clamp(0.5 + (middle - voxel.lead) / voxel.range, 0.0, 1.0);
+    for (const Near& voxel : near) count += voxel.share_below(middle);
     (count < wanted ? low : high) = middle;
   }
   return 0.5 * (low + high);

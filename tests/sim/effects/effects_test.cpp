@@ -33,7 +33,7 @@ constexpr bool has_exact_rows = is_constraint<Effect> && !std::is_same_v<Effect,
 template <class Effect>
 constexpr bool is_internal = Effect::arity != 1 && Effect::arity != 3;
 template <class Effect>
-constexpr bool turns_with_the_body = Effect::arity != 1 && !std::is_same_v<Effect, Linear>;
+constexpr bool turns_with_the_body = Effect::arity != 1 && !std::is_same_v<law_of<Effect>, Linear>;
 
 // slope(ahead, behind, h) and the gradient it is to equal, for every coordinate of 20 samples.
 template <class Effect, class Check>

@@ -303,7 +303,10 @@ TEST(ShapeMatching, SolversThatCannotDoItSaySo) {
 TEST(ShapeMatching, EveryLabelIsARegionWhereItIsAskedForByLabel) {
   Model model = make_cube(2);
   for (std::size_t t = 0; t < model.tet_count(); ++t) model.material_of[t] = t % 3 == 0;
-  EXPECT_EQ(ShapeMatching::regions(model, {.regions = "label"}), model.material_of);
+  const auto regions = ShapeMatching::regions(model, {.regions = "label"});
+  EXPECT_EQ(regions, connected_parts(model, model.material_of));
+  for (std::size_t t = 0; t < regions.size(); ++t)
+    EXPECT_EQ(regions[t] == regions[0], model.material_of[t] == model.material_of[0]) << t;
 }
 
 }  // namespace
