@@ -7,6 +7,7 @@
 
 #include "sim/base/parallel.hpp"
 #include "sim/base/triangle.hpp"
+#include "sim/model/partition.hpp"
 #include "sim/model/surface_pairs.hpp"
 
 namespace viscera::sim {
@@ -87,20 +88,14 @@ std::vector<Overlap> overlaps(const Model& model, const std::vector<Vec3<double>
 }
 
 std::vector<int> pieces_of(const Model& model) {
-  std::vector<int> first(model.vertex_count());
-  std::iota(first.begin(), first.end(), 0);
-  const auto root = [&first](int v) {
-    while (first[v] != v) v = first[v] = first[first[v]];
-    return v;
-  };
-  for (const Tet& tet : model.tets) {
-    for (const int v : tet) {
-      const int a = root(tet[0]), b = root(v);
-      first[std::max(a, b)] = std::min(a, b);
-    }
-  }
-  for (std::size_t v = 0; v < first.size(); ++v) first[v] = root(static_cast<int>(v));
-  return first;
+  const auto parts = connected_parts(model, std::vector<int>(model.tet_count()));
+  std::vector<int> first(parts.size(), static_cast<int>(model.vertex_count()));  // of each part
+  for (std::size_t t = 0; t < parts.size(); ++t)
+    first[parts[t]] = std::min(first[parts[t]], std::ranges::min(model.tets[t]));
+  std::vector<int> piece(model.vertex_count());
+  for (std::size_t t = 0; t < parts.size(); ++t)
+    for (const int v : model.tets[t]) piece[v] = first[parts[t]];
+  return piece;
 }
 
 UnseenPieces unseen_pieces(const Model& model, double thickness) {

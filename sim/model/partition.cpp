@@ -1,8 +1,8 @@
 #include "sim/model/partition.hpp"
 
 #include <algorithm>
-#include <map>
 #include <numeric>
+#include <unordered_map>
 
 #include "sim/base/assert.hpp"
 
@@ -107,10 +107,11 @@ std::vector<int> connected_parts(const Model& model, const std::vector<int>& par
     while (first[t] != t) t = first[t] = first[first[t]];
     return t;
   };
-  std::map<std::array<int, 2>, int> at;  // a tet of a part at a vertex
+  std::unordered_map<std::size_t, int> at;  // a tet of a part at a vertex
   for (int t = 0; t < static_cast<int>(parts.size()); ++t) {
     for (const int v : model.tets[t]) {
-      const int a = root(at.try_emplace({parts[t], v}, t).first->second), b = root(t);
+      const std::size_t place = parts[t] * model.vertex_count() + static_cast<std::size_t>(v);
+      const int a = root(at.try_emplace(place, t).first->second), b = root(t);
       first[std::max(a, b)] = std::min(a, b);
     }
   }
