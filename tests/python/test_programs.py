@@ -12,14 +12,14 @@ def beside_the_tests(monkeypatch):
 
 
 def test_a_spec_runs_once_and_its_stages_say_what_they_found(tmp_path):
-    values = {"tetmesh.cell_size": "14 mm", "simulate.end": "0.1 s", "simulate.forces": True, "simulate.substeps": 32}
+    values = {"tetmesh.cell_size": "14 mm", "simulate.end": "0.1 s", "simulate.forces": True, "simulate.substeps": 48}
     heard = []
     stages = viscera.run("configs/demo.yaml", values, out=tmp_path, until="simulate",
                          progress=lambda share, what: heard.append((share, what)))
     assert list(stages) == ["labels", "surface", "tetmesh", "simulate"]
     assert heard[-1] == (1.0, "simulate: ran")
     simulate = stages["simulate"]
-    assert simulate.metrics["substeps"] == 32
+    assert simulate.metrics["substeps"] == 48
     rows = simulate.table("metrics.csv")
     assert [row["frame"] for row in rows] == list(range(7))
     assert isinstance(rows[0]["state_hash"], str)

