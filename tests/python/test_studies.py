@@ -48,10 +48,10 @@ def test_in_motion_more_substeps_are_nearer_to_many(mesh, held):
     assert nearest[0]["error"] == 0.0
 
 
-@pytest.mark.parametrize("frames, why", [(20, "finite"), (None, "energy that rose")])
-def test_a_setting_that_diverges_says_so_and_the_others_go_on(mesh, held, frames, why):
+@pytest.mark.parametrize("frames", [20, None])
+def test_a_setting_that_diverges_says_so_and_the_others_go_on(mesh, held, frames):
     diverges, holds = viscera.study(mesh, held, [{"solver": "tled", "substeps": 1}, {}], frames=frames, truth={})
-    assert why in diverges["failed"]
+    assert "energy that rose" in diverges["failed"]
     assert {diverges[name] for name in ("error", "error_mm", "wall_s", "rested")} == {None}
     assert holds["failed"] is None and holds["error"] == 0.0
 

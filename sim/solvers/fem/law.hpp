@@ -14,12 +14,11 @@
 
 namespace viscera::sim {
 
-// Whether an effect is a law, of tets or of smoothed elements, that states its stress. (Neo-Hookean
-// elements have a term of their own, which is faster.)
+// Whether an effect is a law, of tets or of smoothed elements, that states its stress and energy.
+// (Neo-Hookean elements have a term of their own, which is faster.)
 template <class Effect>
-inline constexpr bool states_stress = requires(
-    const typename law_of<Effect>::template Constants<double>& element, const Mat3<double>& h) {
-  law_of<Effect>::template stress<double>(element, h);
+inline constexpr bool states_stress = requires {
+  &law_of<Effect>::stored;
 };
 
 // Of an effect on elements of so many nodes.
