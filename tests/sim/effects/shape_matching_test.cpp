@@ -6,7 +6,7 @@
 
 #include "sim/base/best_rotation.hpp"
 #include "sim/model/regions.hpp"
-#include "tests/sim/shapes.hpp"
+#include "tests/sim/two_cubes.hpp"
 
 namespace viscera::sim {
 namespace {
@@ -56,21 +56,8 @@ Scene matching_scene(const char* regions = "body") {
   return scene;
 }
 
-// Two cubes of two tets' labels that do not touch.
 TEST(ShapeMatching, RegionsAreOfTetsThatHangTogether) {
-  const Model one = make_cube(2);
-  std::vector<Vec3<double>> points;
-  std::vector<Tet> tets;
-  std::vector<int> labels;
-  for (int cube = 0; cube < 2; ++cube) {
-    const int first = static_cast<int>(points.size());
-    for (const auto& x : one.rest) points.push_back(x + Vec3<double>{0.2 * cube, 0.0, 0.0});
-    for (const Tet& tet : one.tets) {
-      tets.push_back({tet[0] + first, tet[1] + first, tet[2] + first, tet[3] + first});
-      labels.push_back(1);
-    }
-  }
-  const Model two = make_model(points, tets, labels, {{1, one.materials.front()}});
+  const Model two = two_cubes(1), one = make_cube(2);
   for (const char* const regions : {"body", "label", "blocks"}) {
     const auto region = ShapeMatching::regions(two, {regions, 1000.0});
     for (std::size_t t = 0; t < region.size(); ++t)

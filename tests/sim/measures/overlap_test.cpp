@@ -3,31 +3,13 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/shapes.hpp"
+#include "tests/sim/two_cubes.hpp"
 
 namespace viscera::sim {
 namespace {
 
-// Two cubes of 5 cm, 1 cm apart along z; the second one is label 2.
-Model two_cubes() {
-  const Model one = make_cube(2);
-  std::vector<Vec3<double>> points;
-  std::vector<Tet> tets;
-  std::vector<int> labels;
-  for (int k = 0; k < 2; ++k) {
-    const int first = static_cast<int>(points.size());
-    for (const auto& x : one.rest) points.push_back(x + Vec3<double>{0.0, 0.0, 0.06 * k});
-    for (Tet tet : one.tets) {
-      for (int& v : tet) v += first;
-      tets.push_back(tet);
-      labels.push_back(1 + k);
-    }
-  }
-  return make_model(points, tets, labels, {{1, soft_tissue}, {2, soft_tissue}});
-}
-
 TEST(Overlap, IsWhatOfOnePieceLiesInAnother) {
-  const Model model = two_cubes();
+  const Model model = two_cubes(2);
   std::vector<Vec3<double>> u(model.vertex_count());
   const auto lower_the_upper = [&](double by) {
     for (std::size_t v = model.vertex_count() / 2; v < u.size(); ++v) u[v] = {0.003, 0.002, -by};
@@ -63,7 +45,7 @@ TEST(Overlap, IsAFoldThatWentThroughItsOtherSide) {
 }
 
 TEST(Overlap, OfAMeshThatHasItAtRestIsNothingNew) {
-  Model model = two_cubes();
+  Model model = two_cubes(2);
   for (std::size_t v = model.vertex_count() / 2; v < model.vertex_count(); ++v)
     model.rest[v] += Vec3<double>{0.003, 0.002, -0.022};
   EXPECT_TRUE(overlaps(model, std::vector<Vec3<double>>(model.vertex_count())).empty());
