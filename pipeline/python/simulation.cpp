@@ -192,13 +192,6 @@ Simulation::Certified Simulation::certify() {
 }
 
 std::vector<sim::Vec3<double>> Simulation::forces() {
-  if (scene().has<sim::ShapeMatching>()) {
-    throw Error(ExitCode::bad_config,
-                {.where = run_.input("scene").string(),
-                 .field = "forces",
-                 .found = "effects.shape_matching, whose forces are not known",
-                 .allowed = "effects of elements"});
-  }
   std::vector<sim::Vec3<double>> found;
   translated(run_, [&] { found = sim::element_forces(body(), scene(), *state()); });
   return found;

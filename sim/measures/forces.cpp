@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "sim/base/refusal.hpp"
 #include "sim/measures/element_forces.hpp"
 
 namespace viscera::sim {
@@ -12,9 +13,18 @@ using InDouble = Prepared<Effect, double>;
 
 }  // namespace
 
+void refuse_regions(const Scene& scene, const char* remedy) {
+  Effects::for_each([&]<class Effect, std::size_t i>() {
+    if (Effect::kind != EffectKind::region || std::get<i>(scene.effects).empty()) return;
+    throw Refusal(Refusal::Cause::scene, std::string("effects.") + Effect::name, "named",
+                  "effects that have a law of force", remedy);
+  });
+}
+
 std::vector<Vec3<double>> element_forces(const Model& model, const Scene& scene,
                                          const State& state) {
   check_scene(scene);
+  refuse_regions(scene, "another effect in its place");
   if (state.u.size() != model.vertex_count()) {
     throw std::invalid_argument("element_forces: a state of another number of vertices");
   }

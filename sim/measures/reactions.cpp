@@ -4,8 +4,8 @@
 #include <cctype>
 #include <map>
 
-#include "sim/base/refusal.hpp"
 #include "sim/measures/element_forces.hpp"
+#include "sim/measures/forces.hpp"
 #include "sim/measures/overlap.hpp"
 
 namespace viscera::sim {
@@ -72,14 +72,10 @@ Reactions::Reactions(const Model& model, const Scene& scene, double acts_s, Forc
     mass += model.mass[i];
   }
   about_ *= 1.0 / mass;
+  refuse_regions(scene, "forces: false, or another effect in its place");
   Effects::for_each([&]<class Effect, std::size_t i>() {
     const auto& all = std::get<i>(scene.effects);
-    if constexpr (Effect::kind == EffectKind::region) {
-      if (all.empty()) return;
-      throw Refusal(Refusal::Cause::scene, std::string("effects.") + Effect::name, "named",
-                    "effects that have a law of force",
-                    "forces: false, or another effect in its place");
-    } else if constexpr (Effect::kind != EffectKind::self_contact) {
+    if constexpr (Effect::kind != EffectKind::region && Effect::kind != EffectKind::self_contact) {
       for (std::size_t k = 0; k < all.size(); ++k) {
         // What has a history goes through all of a substep.
         std::get<i>(on_).emplace_back(model, all[k], history_of<Effect> > 0 ? dt_ : acts_);

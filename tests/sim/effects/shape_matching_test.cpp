@@ -6,7 +6,7 @@
 
 #include "sim/base/best_rotation.hpp"
 #include "sim/model/regions.hpp"
-#include "tests/sim/two_cubes.hpp"
+#include "tests/sim/measures/two_cubes.hpp"
 
 namespace viscera::sim {
 namespace {

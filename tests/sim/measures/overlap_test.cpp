@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/two_cubes.hpp"
+#include "tests/sim/measures/two_cubes.hpp"
 
 namespace viscera::sim {
 namespace {
