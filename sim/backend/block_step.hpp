@@ -102,6 +102,15 @@ inline constexpr EffectSet all_effects = ~EffectSet{0};
 template <class... Named>
 inline constexpr EffectSet effect_set = ((EffectSet{1} << Effects::index_of<Named>()) | ...);
 
+template <EffectKind kind>
+constexpr EffectSet effects_of_kind() {
+  EffectSet set = 0;
+  Effects::for_each([&set]<class Effect, std::size_t i>() {
+    set |= Effect::kind == kind ? EffectSet{1} << i : EffectSet{0};
+  });
+  return set;
+}
+
 // function.template operator()<Effect>(views) for every effect of a kind, named or not.
 template <EffectKind kind, EffectSet set, class T, class Function>
 constexpr void for_each_kind_of_view(const BlockScene<T>& scene, Function&& function) {
@@ -181,6 +190,7 @@ struct BlockVertices {
   const int* leader;  // [count] which motion effect leads the vertex, or -1; null: none does
   int count;
   int replicated;  // the first replicas: those of vertices with several, here or elsewhere
+  const Vec3<T>* pushed = nullptr;  // [count] m, by self-contact in this substep; null: none
 };
 
 // One of them, as it is worked on between two sweeps: read once.
@@ -223,7 +233,7 @@ struct VertexNow {
   SIM_HD T mobility_over(T time) const { return time * time * u.w / share; }
 };
 
-// Where forces, motions and contacts lead a vertex that would go on by `d`. Keeps the contacts'
+// Where forces, motions and contacts lead a vertex that would go on by `d`. Keeps the obstacles'
 // corrections.
 template <EffectSet set = all_effects, class T>
 SIM_HD Vec3<T> loaded_displacement(const BlockScene<T>& scene, const Step<T>& step,
@@ -242,6 +252,9 @@ SIM_HD Vec3<T> loaded_displacement(const BlockScene<T>& scene, const Step<T>& st
       if (x.leader[i] == k)
         d = Effect::target(view.device, x.rest[i], static_cast<T>(step.time)) - u;
     });
+  }
+  if constexpr ((set & effect_set<SelfContact>) != 0) {
+    if (x.pushed) d += x.pushed[i];
   }
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto& view, int k) {
     const Vec3<T> correction =
@@ -301,8 +314,15 @@ SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const Bl
   Vec3<T>& first = x.d[now.replicas.begin].v;
   act_over(scene, x, now, rule.acts);
   const bool is_damped = !apart && now.is_free();
-  const Vec3<T> from =
-      is_damped ? longer * first + rule.share * now.last.u : now.without_forces(rule);
+  Vec3<T> from = is_damped ? longer * first + rule.share * now.last.u : now.without_forces(rule);
+  if constexpr ((set & effect_set<SelfContact>) != 0) {
+    // It moved the vertex without regard to rate forces.
+    if (is_damped && x.pushed && touches(x.pushed[i])) {
+      Vec3<T> damped = from - now.without_forces(rule);
+      take_back_along(x.pushed[i], damped);
+      from = now.without_forces(rule) + damped;
+    }
+  }
   const Vec3<T> d = loaded_displacement<set>(scene, step, x, i, now, from);
   if (!apart) {
     first = d;
@@ -311,11 +331,16 @@ SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const Bl
   const Vec3<T> inertial = now.by_velocity(rule, rule.acts);
   now.for_each_replica([&](int replica) {
     Vec3<T> damped = longer * x.d[replica].v - inertial;
-    for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto&, int k) {
-      const Vec3<T> correction = x.corrections[k * x.count + i];
+    const auto stop_along = [&](const Vec3<T>& correction) {
       if (!touches(correction)) return;
       take_back_along(correction, damped);
       take_back_along(correction, x.rate_duals[replica]);
+    };
+    if constexpr ((set & effect_set<SelfContact>) != 0) {
+      if (x.pushed) stop_along(x.pushed[i]);
+    }
+    for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto&, int k) {
+      stop_along(x.corrections[k * x.count + i]);
     });
     x.d[replica].v = d + done_by_rates(damped, x.rate_duals[replica], x.duals[replica]);
     x.d[replica].v += offset_now<set>(scene, x, replica, now);

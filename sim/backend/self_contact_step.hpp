@@ -29,6 +29,16 @@ SIM_HD double contact_reach(double thickness, double motion) {
   return thickness + 4.0 * motion;
 }
 
+// Candidates are the vertices nearer than thickness + margin to a triangle where they were found.
+// While `are_known`, whatever touches is among them: `since` is the most that a vertex has moved
+// from there, apart from what all have moved alike, and `now` the most in this substep, m.
+SIM_HD double margin_of_candidates(double thickness, double now) {
+  return thickness > 8.0 * now ? thickness : 8.0 * now;
+}
+SIM_HD bool are_known(double thickness, double margin, double since, double now) {
+  return margin > 0.0 && contact_reach(thickness, now) + 2.0 * since <= thickness + margin;
+}
+
 template <class Body>
 SIM_HD SurfacePair pair_of(const Body& body, int vertex, int triangle) {
   SurfacePair pair;

@@ -87,8 +87,7 @@ SurfaceGrid SurfacePairs::grid() const {
           placed_.data(),
           static_cast<int>(placed_.size()),
           triangles_.data(),
-          left_out_.data(),
-          left_out_begin_.data()};
+          {left_out_.data(), left_out_begin_.data()}};
 }
 
 }  // namespace viscera::sim

@@ -1,5 +1,4 @@
-// Which vertices of the body's surface may meet which of its triangles, on host and device. SI
-// units.
+// Which vertices of the body's surface may meet which of its triangles. SI units.
 #pragma once
 
 #include <cstdint>
@@ -22,6 +21,10 @@ struct Bounds {
   SIM_HD bool holds(const Vec3<double>& p) const {
     return lo.x <= p.x && p.x <= hi.x && lo.y <= p.y && p.y <= hi.y && lo.z <= p.z && p.z <= hi.z;
   }
+  SIM_HD bool meets(const Bounds& other) const {
+    return lo.x <= other.hi.x && other.lo.x <= hi.x && lo.y <= other.hi.y && other.lo.y <= hi.y &&
+           lo.z <= other.hi.z && other.lo.z <= hi.z;
+  }
 
  private:
   SIM_HD static double least(double a, double b, double c) {
@@ -30,8 +33,20 @@ struct Bounds {
   }
 };
 
-// The surface's vertices, sorted into the cells of a grid. All arrays are somebody else's, of the
-// host or of a device.
+// Vertices that never meet a triangle.
+struct LeftOut {
+  const int* vertices;  // triangle by triangle, ascending
+  const int* begin;     // [triangles + 1]
+
+  SIM_HD bool holds(int triangle, int vertex) const {
+    for (int n = begin[triangle]; n < begin[triangle + 1]; ++n) {
+      if (vertices[n] == vertex) return true;
+    }
+    return false;
+  }
+};
+
+// The surface's vertices, sorted into the cells of a grid. All arrays are somebody else's.
 struct SurfaceGrid {
   using Key = std::uint64_t;  // of a cell; along z, cells follow one another
 
@@ -40,21 +55,20 @@ struct SurfaceGrid {
   const int* vertices;  // [count] with these keys
   int count;
   const Triangle* triangles;
-  const int* left_out;        // those that never meet a triangle: triangle by triangle, ascending
-  const int* left_out_begin;  // [triangles + 1]
+  LeftOut left_out;
 
-  SIM_HD static Key key_of(const Vec3<double>& x, double cell) {
+  static Key key_of(const Vec3<double>& x, double cell) {
     return pack(index_of(x.x, cell), index_of(x.y, cell), index_of(x.z, cell));
   }
 
   // visit(vertex) for those that may be nearer than `reach` (m) to a triangle, but for those left
   // out. at(vertex) is where each is: where the grid was made.
   template <class At, class Visit>
-  SIM_HD void for_each_near(int triangle, double reach, const At& at, const Visit& visit) const {
+  void for_each_near(int triangle, double reach, const At& at, const Visit& visit) const {
     const auto& [a, b, c] = triangles[triangle];
     const Bounds box(at(a), at(b), at(c), reach);
     const auto look = [&](int vertex) {
-      if (box.holds(at(vertex)) && !is_left_out(triangle, vertex)) visit(vertex);
+      if (box.holds(at(vertex)) && !left_out.holds(triangle, vertex)) visit(vertex);
     };
     const Key i0 = index_of(box.lo.x, cell), i1 = index_of(box.hi.x, cell);
     const Key j0 = index_of(box.lo.y, cell), j1 = index_of(box.hi.y, cell);
@@ -77,14 +91,14 @@ struct SurfaceGrid {
  private:
   static constexpr int bits = 21;  // of an index
 
-  SIM_HD static Key pack(Key i, Key j, Key k) { return (i << 2 * bits) | (j << bits) | k; }
+  static Key pack(Key i, Key j, Key k) { return (i << 2 * bits) | (j << bits) | k; }
   // Far beyond any body, and what is no number, share the outermost cells.
-  SIM_HD static Key index_of(double x, double cell) {
+  static Key index_of(double x, double cell) {
     constexpr double half = 1 << (bits - 1);
     const double index = std::floor(x / cell) + half;
     return static_cast<Key>(index > 0.0 ? (index < 2.0 * half ? index : 2.0 * half - 1.0) : 0.0);
   }
-  SIM_HD int first_from(Key key) const {
+  int first_from(Key key) const {
     int first = 0;
     for (int left = count; left > 0;) {
       const int half = left / 2;
@@ -93,12 +107,6 @@ struct SurfaceGrid {
       left = before ? left - half - 1 : half;
     }
     return first;
-  }
-  SIM_HD bool is_left_out(int triangle, int vertex) const {
-    for (int n = left_out_begin[triangle]; n < left_out_begin[triangle + 1]; ++n) {
-      if (left_out[n] == vertex) return true;
-    }
-    return false;
   }
 };
 

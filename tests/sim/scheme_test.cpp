@@ -215,7 +215,10 @@ TEST(SchemeChoice, IsByColoursWhereBlocksOnADeviceLackWhatTheSceneAsksFor) {
   };
   Scene folds = damped_scene();
   folds.params<SelfContact>().emplace_back();
-  EXPECT_EQ(chosen(folds), Scheme::gauss_seidel);
+  EXPECT_EQ(chosen(folds), Scheme::block_gauss_seidel);
+  Scene matched = damped_scene();
+  matched.params<ShapeMatching>().emplace_back();
+  EXPECT_EQ(chosen(matched), Scheme::gauss_seidel);
   Scene exact = damped_scene();
   exact.accuracy_limit = 0.01;
   EXPECT_EQ(chosen(exact), Scheme::gauss_seidel);

@@ -23,7 +23,8 @@ class CpuSelfContact {
         thickness_(prepared.params.thickness),
         friction_(prepared.params.friction),
         starts_(rest_.size()),
-        found_at_(rest_.size()) {}
+        found_at_(rest_.size()),
+        corrections_(rest_.size()) {}
 
   template <class Effect>
   void retune(const Prepared<Effect, T>& prepared) {
@@ -32,7 +33,15 @@ class CpuSelfContact {
 
   // By all of the team, before the elements: leads d out.
   void push(Team& team, int rank, const std::vector<Row<T>>& u, std::vector<Row<T>>& d) {
+    const std::vector<int>& all = pairs_.vertices();
+    const Range mine = part_of({0, static_cast<int>(all.size())}, rank, team.size());
+    for (int k = mine.begin; k < mine.end; ++k) corrections_[all[k]] = d[all[k]].v;
     separate(team, rank, thickness_, contacts_, u, d);
+    for (int k = mine.begin; k < mine.end; ++k) {
+      Vec3<T>& correction = corrections_[all[k]];
+      correction = d[all[k]].v - correction;
+    }
+    team.barrier();
   }
 
   // By all of the team, after the elements: friction, and what must be kept in any case.
@@ -44,6 +53,8 @@ class CpuSelfContact {
     separate(team, rank, 0.5 * thickness_, last_, u, d);
   }
 
+  // [n] m, by which push() has moved each vertex.
+  const Vec3<T>* corrections() const { return corrections_.data(); }
   // Vertices that were held off a triangle in the last substep.
   std::size_t count() const { return count_held(contacts_); }
 
@@ -131,12 +142,10 @@ class CpuSelfContact {
       all.since = std::max(all.since, part.since);
       all.now = std::max(all.now, part.now);
     }
-    // What may touch now, vertex and triangle both having moved, was found then.
-    const bool known = contact_reach(thickness_, all.now) + 2.0 * all.since <= thickness_ + margin_;
-    if (margin_ > 0.0 && known) return all;
+    if (are_known(thickness_, margin_, all.since, all.now)) return all;
     team.barrier();  // all have read the margin
     if (rank == 0) {
-      margin_ = std::max(thickness_, 8.0 * all.now);
+      margin_ = margin_of_candidates(thickness_, all.now);
       found_at_ = starts_;
       pairs_.place(found_at_, thickness_ + margin_);
     }
@@ -166,6 +175,7 @@ class CpuSelfContact {
   double margin_ = 0.0;                 // m; 0: candidates were never looked for
   std::vector<Vec3<double>> starts_;    // [n] of the surface's vertices, in this substep, m
   std::vector<Vec3<double>> found_at_;  // [n] where candidates were found, m
+  std::vector<Vec3<T>> corrections_;
   std::vector<std::vector<Candidate>> candidates_;  // [threads] of its triangles
   std::vector<Moved> moved_;                        // [threads]
   std::vector<std::vector<TouchingPair>> own_;      // [threads] of its triangles

@@ -483,11 +483,15 @@ class CpuSubstep {
     const T scale = rule().acts / usual_rule().acts;
     body_.replicas->lead(replicas, body_.d, [&](int v, Vec3<T>& damped, Vec3<T>& rate_dual) {
       damped = scale * damped - rule().acts * rule().velocity(body_.v[v], body_.last[v]);
-      for_each_effect<EffectKind::contact>([&]<class Effect>(const auto& contact) {
-        if (!touches(contact.correction[v])) return;
-        take_back_along(contact.correction[v], damped);
-        take_back_along(contact.correction[v], rate_dual);
-      });
+      const auto stop_along = [&](const Vec3<T>& correction) {
+        if (!touches(correction)) return;
+        take_back_along(correction, damped);
+        take_back_along(correction, rate_dual);
+      };
+      for_each_effect<EffectKind::contact>(
+          [&]<class Effect>(const auto& contact) { stop_along(contact.correction[v]); });
+      for_each_effect<EffectKind::self_contact>(
+          [&]<class Effect>(const auto& own) { stop_along(own.corrections()[v]); });
     });
   }
 

@@ -27,6 +27,9 @@ inline constexpr EffectSet smoothed_tissue =
 // With groups of tets for the volume.
 inline constexpr EffectSet grouped_tissue = smoothed_tissue | effect_set<GroupedVolume>;
 
+// Linear elements that meet themselves.
+inline constexpr EffectSet folding_tissue = damped_tissue | effect_set<SelfContact>;
+
 inline constexpr EffectSet rate_forces = effect_set<Viscosity>;
 // Of the dual variables of a replica, and of messages about a vertex.
 template <EffectSet set>
@@ -66,9 +69,10 @@ struct Frame {
   int substeps;
   int locals;
   int all_replicas;
-  int blocks;        // of a member
-  int first_member;  // of the grid
-  int contacts;      // contact effects named
+  int blocks;             // of a member
+  int first_member;       // of the grid
+  int contacts;           // contact effects named
+  const Vec3<T>* pushed;  // m, by self-contact in this substep; null: none, or not named
   BoundView<T> bound;
   bool pushes;  // whether the bound's first part acts within this launch
   int max_locals, max_shared, max_replicas, max_duals, max_gathered, max_table;  // of a block
@@ -193,6 +197,12 @@ struct BlockMemory {
   }
 };
 
+template <class T>
+__device__ TimeRule<T> rule_of(const Frame<T>& frame, int member) {
+  const bool crushed = frame.bound.acts && !frame.bound.acts[member];
+  return crushed ? frame.rule.to_first_order() : frame.rule;
+}
+
 // The effects as this block sees them, in shared memory: they are looked at for every vertex.
 template <EffectSet set, class T>
 __device__ BlockScene<T> scene_of_block(const Frame<T>& frame, int member, int block,
@@ -212,8 +222,7 @@ __device__ BlockScene<T> scene_of_block(const Frame<T>& frame, int member, int b
       static_cast<Views<BlockView<Effect, T>>&>(scene.effects) = {in_shared(views), all.count};
     }
   });
-  const bool crushed = frame.bound.acts && !frame.bound.acts[member];
-  scene.rule = crushed ? frame.rule.to_first_order() : frame.rule;
+  scene.rule = rule_of(frame, member);
   scene.usual_acts = frame.rule.acts;
   scene.rate_passes = frame.rate_passes[member];
   return scene;
@@ -253,7 +262,8 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
                            own.share,
                            frame.leader ? frame.leader + first : nullptr,
                            count,
-                           frame.replicated[block]};
+                           frame.replicated[block],
+                           frame.pushed ? frame.pushed + first : nullptr};
   const BlockScene<T> scene = scene_of_block<set>(frame, static_cast<int>(member), block, own);
   const unsigned long long done = frame.done + frame.ahead[member];
   const auto step_at = [&frame, &scene, done](int substep) {
@@ -402,6 +412,7 @@ inline constexpr std::array kernel_variants<float>{
     variant<float, smoothed_tissue, min_width>(),
     variant<float, grouped_tissue & ~rate_forces, min_width>(),
     variant<float, grouped_tissue, min_width>(),
+    variant<float, folding_tissue, min_width>(),
     variant<float, all_effects, min_width>()};
 template <>
 inline constexpr std::array kernel_variants<double>{

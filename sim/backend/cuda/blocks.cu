@@ -6,10 +6,10 @@
 #include <cstring>
 
 #include "sim/backend/cuda/block_bound.cuh"
+#include "sim/backend/cuda/block_contact.cuh"
 #include "sim/backend/cuda/block_kernel.cuh"
 #include "sim/backend/cuda/block_setup.cuh"
 #include "sim/backend/cuda/blocks.hpp"
-#include "sim/backend/cuda/device_elements.cuh"
 #include "sim/backend/cuda/memory.cuh"
 #include "sim/solvers/xpbd/damping_choice.hpp"
 
@@ -80,9 +80,12 @@ class CudaBlocks final : public Ensemble {
     for (int member = 0; member < members_; ++member) bound_->set_model(member, model);
     frame_.bound = bound_->view();
     place_effects(assess(model, scene).cs_max);
+    if (!std::get<Effects::index_of<SelfContact>()>(program_.effects).empty())
+      contact_.emplace(layout_, program_, constants_->first_local(), frame_);
     launch_.emplace(named_in(program_), layout_.team().linearizes, own_, frame_);
     make_views();
     graph_ = Graph(stream_, [this] { launch_->enqueue(frame_, members_, stream_); });
+    if (contact_) contact_->capture(frame_, stream_);
     if (!bound_->is_empty()) {
       u_before_ = DeviceArray<Vec3<T>>(u_.size());
       v_before_ = DeviceArray<Vec3<T>>(v_.size());
@@ -101,6 +104,7 @@ class CudaBlocks final : public Ensemble {
       run_bounded_frame();
     }
     step_ += program_.substeps;
+    if (contact_) contact_->check_room();
   }
 
   State motion(int member) const override {
@@ -137,6 +141,7 @@ class CudaBlocks final : public Ensemble {
     clear_messages(member, 1);
     load_history(own_, state, member);
     bound_->begin_at(member, state, stream_);
+    if (contact_) contact_->forget();
   }
   void retune(int member, const Model& model, const Scene& scene) override {
     check_scene(scene);
@@ -161,6 +166,7 @@ class CudaBlocks final : public Ensemble {
       }
     });
     upload_views();
+    if (contact_) contact_->retune(program_, frame_, stream_);
   }
   void steer(int member, const Scene& scene) override {
     check_scene(scene);
@@ -185,6 +191,7 @@ class CudaBlocks final : public Ensemble {
         count += touching[k * locals + layout_.locals_of(v)[0]];
       }
     }
+    if (contact_) count += contact_->count();
     return count;
   }
   ActingDamping damping() const override {
@@ -247,6 +254,7 @@ class CudaBlocks final : public Ensemble {
       own += elements * (sizeof(AlignedRest<typename Effect::template Rest<T>>) +
                          2 * history_of<Effect> * sizeof(T));
     });
+    shared += CudaBlockContact<T>::bytes(program_, locals);
     shared += CudaBlockBound<T>::bytes(bounded, vertex_count(), locals);
     shared += static_cast<std::size_t>(vertex_count()) * (sizeof(int) + 2 * sizeof(Vec3<T>));
     return shared + members_ * own;
@@ -295,7 +303,9 @@ class CudaBlocks final : public Ensemble {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       const auto& effects = std::get<i>(program_.effects);
       const int count = static_cast<int>(effects.size());
-      static_cast<Views<EffectView<Effect, T>>&>(frame_.effects).count = count;
+      // Self-contact acts between launches.
+      const bool in_launch = Effect::kind != EffectKind::self_contact;
+      static_cast<Views<EffectView<Effect, T>>&>(frame_.effects).count = in_launch ? count : 0;
       if (Effect::kind == EffectKind::contact) frame_.contacts += count;
       if constexpr (Effect::kind == EffectKind::element) {
         for (const auto& effect : effects) {
@@ -380,8 +390,17 @@ class CudaBlocks final : public Ensemble {
     runs_.upload(members);
   }
 
-  // As a graph: 2 us less than launches of their own.
   void launch_substeps(int first, int substeps) {
+    if (!contact_) return launch(first, substeps);
+    for (int k = first; k < first + substeps; ++k) {
+      frame_.done = step_ + k;
+      contact_->push(frame_, stream_);
+      launch(k, 1);
+      contact_->rub(stream_);
+    }
+  }
+  // As a graph: 2 us less than launches of their own.
+  void launch(int first, int substeps) {
     frame_.substeps = substeps;
     frame_.done = step_ + first;
     graph_.change_argument<Frame<T>>([this](Frame<T>& frame) {
@@ -485,6 +504,7 @@ class CudaBlocks final : public Ensemble {
   Members chosen_;     // for launches
   DeviceArray<unsigned char> runs_;
   std::optional<CudaBlockBound<T>> bound_;
+  std::optional<CudaBlockContact<T>> contact_;      // of the only member
   DeviceArray<Vec3<T>> u_by_vertex_, v_by_vertex_;  // of a member, when it was looked at
   // At the start of the frame.
   DeviceArray<Vec3<T>> u_before_, v_before_, duals_before_;

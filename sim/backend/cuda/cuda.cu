@@ -474,17 +474,18 @@ std::unique_ptr<Ensemble> make_ensemble_on_cuda(const Model& model, const Scene&
                   "use device: cpu or auto");
   }
   if (const std::string lacks = what_cuda_lacks(scene, options); !lacks.empty()) {
-    throw Refusal(
-        Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
-        "xpbd, pbd or tled; in blocks xpbd with one iteration a substep, no region and no "
-        "self-contact",
-        "use another scheme, or device: cpu or auto");
+    throw Refusal(Refusal::Cause::scene, "device", "cuda, which does not run " + lacks,
+                  "xpbd, pbd or tled; in blocks xpbd with one iteration a substep and no region",
+                  "use another scheme, or device: cpu or auto");
   }
-  if (!in_blocks(options)) {
-    return std::make_unique<Separately>(
-        model, scene, members, tune, [&](const Model& own_model, const Scene& own_scene) {
-          return make_by_kernels(own_model, own_scene, options, *device.name);
-        });
+  const auto make_one = [&](const Model& own_model, const Scene& own_scene) {
+    return in_blocks(options) ? std::make_unique<OnlyMember>(make_cuda_blocks(
+                                    own_model, own_scene, options, 1, *device.name))
+                              : make_by_kernels(own_model, own_scene, options, *device.name);
+  };
+  const bool meets_itself = scene.has<SelfContact>();  // blocks: of one body alone
+  if (!in_blocks(options) || (meets_itself && members > 1)) {
+    return std::make_unique<Separately>(model, scene, members, tune, make_one);
   }
   auto ensemble = make_cuda_blocks(model, scene, options, members, *device.name);
   for (int member = 0; tune && member < members; ++member) {

@@ -8,9 +8,8 @@ std::string what_cuda_lacks(const Scene& scene, const SolverOptions& options) {
   if (options.method != Method::xpbd) return "this solver in blocks";
   if (options.iterations != 1) return "several iterations a substep in blocks";
   if (scene.force_hold_s > 0.0) return "forces that elements hold (accuracy_limit) in blocks";
-  if (const std::string name = collective_effect(scene); !name.empty()) {
-    return "effects." + name + " in blocks";
-  }
+  if (scene.has<ShapeMatching>())
+    return std::string("effects.") + ShapeMatching::name + " in blocks";
   return "";
 }
 

@@ -274,9 +274,7 @@ TEST(SelfContact, PairsSolvedInRoundsAreThoseOfTheListInItsOrderToTheBit) {
 TEST(SelfContact, SolversThatCannotDoItSaySo) {
   const Model model = make_cube(1);
   EXPECT_THROW(make_on_cpu(model, folding_scene(true), {.method = Method::fem}), Refusal);
-  const SolverOptions blocks{.scheme = Scheme::block_gauss_seidel};
-  EXPECT_EQ(what_cuda_lacks(folding_scene(true), blocks), "effects.self_contact in blocks");
-  EXPECT_EQ(what_cuda_lacks(folding_scene(false), blocks), "");
+  EXPECT_EQ(what_cuda_lacks(folding_scene(true), {.scheme = Scheme::block_gauss_seidel}), "");
   EXPECT_EQ(what_cuda_lacks(folding_scene(true), {}), "");
 }
 
