@@ -29,8 +29,11 @@ Sensitivity::Sensitivity(const Model& model, const Scene& scene, const State& ne
       options_(newton_options(element, tolerance, pause_point)),
       by_displacement_(by_displacement) {
   check(scene);
-  // What another solver keeps is of no use to this one.
-  const State still{near.u, std::vector<Vec3<double>>(near.u.size()), near.step};
+  // What another solver keeps is of no use to this one. It finds where a frame ends: here at the
+  // time of `near`.
+  const std::uint64_t frame = scene.time.substeps;
+  const State still{near.u, std::vector<Vec3<double>>(near.u.size()),
+                    near.step >= frame ? near.step - frame : near.step};
   equilibrium_ = equilibrium(model, scene, still, element, tolerance, pause_point);
   const auto rest = rest_of({model, scene});
   if (rest->touches_obstacles()) {

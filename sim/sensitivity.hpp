@@ -24,7 +24,8 @@ class FemRest;
 
 class Sensitivity {
  public:
-  // Of the equilibrium near `near`, with these elements; dJ/du is [n] by vertex. `pause_point` is
+  // Of the equilibrium near `near` at its time (at its start: at the end of the first frame), with
+  // these elements; dJ/du is [n] by vertex. `pause_point` is
   // called between Newton steps. Throws Refusal where tangents are not known to be symmetric and
   // exact (obstacles that the body touches, pressure that follows its surface, self-contact), and
   // Diverged where there is no stable equilibrium.

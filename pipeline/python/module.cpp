@@ -332,6 +332,8 @@ void define_simulation(py::module_& module) {
       .def_property_readonly("frame", [](const Guarded& self) { return self.read().frame(); })
       .def_property_readonly("frame_time",
                              [](const Guarded& self) { return self.read().scene().time.frame_s; })
+      .def_property_readonly("loads_end",
+                             [](const Guarded& self) { return self.read().loads_end_s(); })
       .def_property_readonly("substeps",
                              [](const Guarded& self) { return self.read().scene().time.substeps; })
       .def_property_readonly("device", [](const Guarded& self) { return self.read().device(); })

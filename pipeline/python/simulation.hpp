@@ -69,6 +69,8 @@ class Simulation {
   // Of the last run() that nothing has followed.
   const Said& said() const { return said_; }
   double time_s() const { return frame_ * scene().time.frame_s; }
+  // When no load and nothing that leads the body changes any more, s.
+  double loads_end_s() const { return schedule_->loads_end(); }
   int frame() const { return frame_; }
   std::string device() const { return solver_->device(); }
   std::string scheme() const { return scheme_; }

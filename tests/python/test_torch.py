@@ -33,6 +33,17 @@ def test_gradients_are_those_of_differences():
     assert torch.autograd.gradcheck(quantity, scalars(5.0, 9.8, 1.5), eps=1e-4, atol=1e-6, rtol=1e-5)
 
 
+def test_a_body_that_is_led_over_a_time_is_where_it_is_led_to_however_often_it_is_asked():
+    mesh = viscera.TetMesh(*cube(cells=2), names={1: "liver"})
+    led = {"side": "inferior", "within": "1 mm", "displacement": ["0 mm", "0 mm", "-3 mm"], "duration": "0.1 s"}
+    scene = falling(fixed={"side": "superior", "within": "1 mm"}, prescribed=led)
+    at_rest = AtRest(mesh, scene, ["materials.liver.E"])
+    low = mesh.points[:, 2] < mesh.points[:, 2].min() + 0.5
+    for stiffness in (5e3, 6e3, 5e3):
+        u = at_rest(torch.tensor(stiffness))
+        assert u[torch.tensor(low), 2].numpy() == pytest.approx(-3e-3, abs=1e-9)
+
+
 def test_a_stiffness_is_found_again_from_how_a_body_hangs():
     at_rest = made(["materials.liver.E"])
     seen = at_rest(torch.tensor(7e3)).detach()

@@ -77,8 +77,9 @@ class Simulation(_viscera.Simulation):
         those of now, until the simulation goes on.
     gates, metrics, caveats: what the last run() came to, as in the manifest of the program; none once it has gone on.
     certified: what certify() has said of now; None: it has not been asked.
-    mesh: as given. time: s. frame: how many are done. frame_time: s. substeps: of a frame, as the scene's policy has
-        raised them. device, scheme: what it runs on, and how. state_hash: as in metrics.csv.
+    mesh: as given. time: s. frame: how many are done. frame_time: s. loads_end: s, when nothing that loads or leads
+        the body changes any more (inf: never). substeps: of a frame, as the scene's policy has raised them. device,
+        scheme: what it runs on, and how. state_hash: as in metrics.csv.
     """
 
     _is_made = False  # tracebacks show objects whose making was refused, too

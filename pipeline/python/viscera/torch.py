@@ -18,7 +18,8 @@ class AtRest:
 
     names are those of Simulation.gradient, values scalars in SI units, in their order. Returns [n, 3] m, float64.
     One linear system gives the gradients by all of them (the adjoint method). What has no exact gradient is
-    refused as there. params are those of viscera-simulate but the solver's own.
+    refused as there. params are those of viscera-simulate but the solver's own. What leads or loads the body over a
+    time has come to its end; ValueError where it never does.
     """
 
     def __init__(self, mesh: TetMesh, scene: Mapping[str, Any] | str, names: Sequence[str], **params: Any) -> None:
@@ -41,6 +42,8 @@ class AtRest:
             for name, value in zip(self.names, values):
                 self._simulation.set(name, value)
             self._simulation.step()
+            if self._simulation.time < self._simulation.loads_end:
+                self._simulation.run(until=self._simulation.loads_end)
             self._values = list(values)
         return self._simulation
 

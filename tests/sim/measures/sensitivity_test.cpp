@@ -125,6 +125,25 @@ INSTANTIATE_TEST_SUITE_P(Elements, Gradient,
                                          std::pair(Element::smoothed, 0.47),
                                          std::pair(Element::quadratic, 0.4)));
 
+TEST(Sensitivity, OfABodyOnItsWayIsThatOfItsTime) {
+  const Problem problem;
+  const Model model = problem.model();
+  Scene scene = problem.scene();
+  scene.params<Prescribed>().front().duration = 1.0;
+  const std::vector<Vec3<double>> still(model.vertex_count());
+  const State half_way{still, still, 30u * scene.time.substeps};
+  ASSERT_NEAR(30 * scene.time.frame_s, 0.5, 1e-12);
+  const Sensitivity sensitivity(model, scene, half_way, Element::linear,
+                                std::vector<Vec3<double>>(model.vertex_count()), no_pause);
+  int led = 0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    if (model.rest[i].x > -0.0299) continue;
+    ++led;
+    EXPECT_NEAR(sensitivity.displacement()[i].y, 0.5 * problem.aside, 1e-9);
+  }
+  EXPECT_EQ(led, 9);
+}
+
 TEST(Sensitivity, IsRefusedWhereItWouldNotBeExact) {
   const Problem here;
   const Model model = here.model();
