@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <map>
+#include <numeric>
 
 #include "sim/measures/element_forces.hpp"
 #include "sim/measures/forces.hpp"
@@ -194,6 +195,39 @@ std::vector<double> Reactions::shares(int name, const std::vector<int>& by) cons
   return x;
 }
 
+namespace {
+
+// An obstacle at a vertex.
+struct Touch {
+  std::size_t name;
+  Vec3<double> normal;  // out of it, 1
+};
+
+// What each of several obstacles has of a force on the vertex that they touch: they push along
+// their normals, as much of it as they can (the least squares of what is left, by coordinate
+// descent), and what is left, friction, in proportion.
+std::vector<Vec3<double>> parts_of(const Vec3<double>& force, const std::vector<Touch>& touches) {
+  constexpr int rounds = 200;
+  std::vector<double> pushes(touches.size(), 0.0);
+  Vec3<double> left = force;
+  for (int round = 0; round < rounds; ++round) {
+    for (std::size_t k = 0; k < touches.size(); ++k) {
+      const double push = std::max(0.0, pushes[k] + dot(touches[k].normal, left));
+      left -= (push - pushes[k]) * touches[k].normal;
+      pushes[k] = push;
+    }
+  }
+  const double all = std::accumulate(pushes.begin(), pushes.end(), 0.0);
+  std::vector<Vec3<double>> parts;
+  for (std::size_t k = 0; k < touches.size(); ++k) {
+    const double share = all > 0.0 ? pushes[k] / all : 1.0 / static_cast<double>(touches.size());
+    parts.push_back(pushes[k] * touches[k].normal + share * left);
+  }
+  return parts;
+}
+
+}  // namespace
+
 Reactions::Found Reactions::at(const FrameMotion& motion) const {
   const std::size_t n = model_.vertex_count();
   const State& state = *motion.state;
@@ -257,21 +291,35 @@ Reactions::Found Reactions::at(const FrameMotion& motion) const {
 
   std::vector<int> by = holder_;
   std::vector<char> holds(names_.size(), 0);
+  std::map<std::size_t, std::vector<Touch>> several;  // of vertices that more than one touches
   for (std::size_t v = 0; v < n; ++v) {
     const double size = norm(lacking[v]);
     if (by[v] < 0 && size > 0.0) {
       double deepest = 0.0;
+      std::vector<Touch> touches;
       for (const Obstacle& obstacle : obstacles) {
-        const double depth = norm(obstacle.push(v, (-reach_ / size) * lacking[v]));
+        const Vec3<double> push = obstacle.push(v, (-reach_ / size) * lacking[v]);
+        const double depth = norm(push);
+        if (depth > 0.0) touches.push_back({obstacle.name, (1.0 / depth) * push});
         if (depth > deepest) deepest = depth, by[v] = static_cast<int>(obstacle.name);
       }
+      if (touches.size() > 1) several[v] = std::move(touches);
     }
   }
   if (pairs_) find_self_contact(state, by);
   for (std::size_t v = 0; v < n; ++v) {
     if (by[v] < 0) continue;
-    holds[static_cast<std::size_t>(by[v])] = 1;
-    add(static_cast<std::size_t>(by[v]), v, lacking[v]);
+    const auto touches = several.find(v);
+    if (touches == several.end()) {
+      holds[static_cast<std::size_t>(by[v])] = 1;
+      add(static_cast<std::size_t>(by[v]), v, lacking[v]);
+      continue;
+    }
+    const std::vector<Vec3<double>> parts = parts_of(lacking[v], touches->second);
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      holds[touches->second[k].name] = 1;
+      add(touches->second[k].name, v, parts[k]);
+    }
   }
   std::vector<double> left(n, 1.0);  // of each vertex, that nothing takes over
   Vec3<double> handed_on;

@@ -104,10 +104,25 @@ double swing_frequency(const Model& model) {
   return 0.5 * std::numbers::pi * std::sqrt(modulus / mass) / std::cbrt(volume);
 }
 
+// Pa, what fibres add to each tet; empty without any. In blocks bars that hang along their fibres
+// rest up to 2.3 times as far off as by the fibres' own stiffness.
+std::vector<double> stiffness_of_fibres(const Model& model, const Scene& scene,
+                                        const SolverOptions& options) {
+  const double weight = in_blocks(options) ? 3.0 : 1.0;
+  std::vector<double> stiffness;
+  for (const auto& fibres : scene.params<Fibre>()) {
+    stiffness.resize(model.tet_count(), 0.0);
+    for (const std::size_t t : Fibre::elements(model, fibres).index)
+      stiffness[t] += weight * fibres.stiffness;
+  }
+  return stiffness;
+}
+
 // Under Jacobi an element sees `split` times its own way and nothing of its neighbours', by colours
 // and in blocks half of its own on the average over orders: as if H were 2 split times as large.
 SweepError sweep_error(const Model& model, const Scene& scene, const SolverOptions& options) {
-  SweepError error = SweepError::of(model, acting_time_of(scene, options));
+  SweepError error = SweepError::of(model, acting_time_of(scene, options),
+                                    stiffness_of_fibres(model, scene, options));
   if (options.scheme != Scheme::jacobi) return error;
   error.number *= 2.0 * options.split;
   error.bound = SweepError::bound_at(error.number);

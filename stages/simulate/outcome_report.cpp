@@ -212,7 +212,7 @@ void report_outcome(StageRun& run, const sim::Model& model, const SceneFile& fil
   run.metric("displacement_max_end", m_to_mm * last.now.max_displacement, "mm");
   report_shape(run, model, outcome);
   report_forces(run, outcome);
-  if (outcome.divergence.empty()) report_doubts(run, model, file, options.is_static(), outcome);
+  if (outcome.divergence.empty()) report_doubts(run, model, file, options, outcome);
   run.metric("state_hash_end", fmt::format("{:016x}", last.state_hash));
 }
 

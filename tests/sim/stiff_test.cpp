@@ -327,6 +327,37 @@ TEST(SweepError, IsBounded) {
   }
 }
 
+// A bar that hangs along its fibres, which are forty times as stiff as its tissue.
+TEST(SweepError, OfFibresIsBounded) {
+  Material tissue = soft_tissue;
+  tissue.damping = 0.05;
+  const Model bar = make_box({0.02, 0.02, 0.06}, {3, 3, 9}, tissue);
+  Scene scene = elastic_scene();
+  scene.params<Gravity>().emplace_back();
+  scene.params<Viscosity>().emplace_back();
+  scene.params<Fixed>().emplace_back().side = "superior";
+  scene.params<Fibre>().push_back({.stiffness = 40.0 * tissue.youngs_modulus});
+  const auto drop = [](const State& state) {
+    double lowest = 0.0;
+    for (const Vec3<double>& u : state.u) lowest = std::min(lowest, u.z);
+    return -lowest;
+  };
+  const auto newton = make_on_cpu(
+      bar, scene, {.method = Method::fem, .fem = {.time = FemOptions::Time::quasi_static}});
+  newton->advance_frame();
+  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
+    Scene own = scene;
+    own.time.substeps = 1, own.time.fewest_substeps = true;
+    const Stability now = apply_policy(bar, own, {.scheme = scheme});
+    const auto solver = with({.scheme = scheme})(bar, own);
+    for (int frame = 0; frame < 120; ++frame) solver->advance_frame();
+    EXPECT_NEAR(drop(solver->state()) / drop(newton->state()), 1.0, now.sweep_error);
+    if (scheme == Scheme::gauss_seidel) {
+      EXPECT_LE(now.sweep_error, accuracy_at_rest);
+    }
+  }
+}
+
 // An element sees nothing of its neighbours': the body gives way several times as far as by
 // colours, beyond what bounds these.
 TEST(SweepError, OfJacobiIsBoundedByItsOwn) {

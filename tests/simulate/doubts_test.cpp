@@ -16,6 +16,14 @@ class Doubts : public Simulate {
   }
 };
 
+TEST_F(Doubts, LinearTetsThatCanHardlyBendAreSaid) {
+  ASSERT_EQ(run(drop_scene, {"--set", "end=0.05s", "--set", "element=linear"}), 0) << errors;
+  EXPECT_GT(metric("locking_estimate").get<double>(), 0.1);
+  EXPECT_TRUE(says("Linear tets can hardly bend"));
+  ASSERT_EQ(run(drop_scene, {"--set", "end=0.05s"}), 0) << errors;
+  EXPECT_FALSE(says("can hardly bend"));
+}
+
 TEST_F(Doubts, PiecesThatFellThroughOneAnotherAreSaid) {
   TetMesh mesh = read_vtu(path("mesh.vtu"));
   const auto points = mesh.points;

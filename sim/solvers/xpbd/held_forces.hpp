@@ -42,6 +42,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 
 #include "sim/solvers/xpbd/viscous_step.hpp"
 
@@ -63,8 +64,9 @@ struct SweepError {
     return hi;
   }
 
-  // Where forces act over acts_s in a substep.
-  static SweepError of(const Model& model, double acts_s) {
+  // Where forces act over acts_s in a substep. `more` is [tets] Pa, what other effects add to the
+  // stiffness of the tissue; empty: nothing.
+  static SweepError of(const Model& model, double acts_s, std::span<const double> more = {}) {
     double sum = 0.0, volume = 0.0;
     for (std::size_t t = 0; t < model.tet_count(); ++t) {
       const Mat3<double> b = transpose(model.rest_inverse[t]);
@@ -74,7 +76,8 @@ struct SweepError {
       for (int i = 0; i < 4; ++i) {
         give += acts_s * acts_s / model.mass[model.tets[t][i]] * dot(gradients[i], gradients[i]);
       }
-      const double modulus = lame(model.material(t)).neo_hookean_lambda();
+      const double modulus =
+          lame(model.material(t)).neo_hookean_lambda() + (more.empty() ? 0.0 : more[t]);
       sum += modulus * model.volume[t] * give * model.volume[t];
       volume += model.volume[t];
     }

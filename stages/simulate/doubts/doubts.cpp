@@ -7,6 +7,7 @@
 
 #include "sim/measures/compression.hpp"
 #include "sim/measures/overlap.hpp"
+#include "sim/model/locking.hpp"
 #include "sim/model/surface.hpp"
 #include "stages/simulate/body.hpp"
 
@@ -131,6 +132,23 @@ void doubt_forces(StageRun& run, const Outcome& outcome) {
       last.handed_on));
 }
 
+// Smoothed elements and quadratic tets hardly lock; shape matching and PBD know no material.
+void doubt_bending(StageRun& run, const sim::Model& model, const sim::Scene& scene,
+                   const sim::SolverOptions& options) {
+  constexpr double loss_worth_a_word = 0.1;
+  const bool is_quadratic = options.method == sim::Method::fem && options.fem.order == 2;
+  const bool has_material = options.method != sim::Method::pbd && !scene.has<sim::ShapeMatching>();
+  if (is_quadratic || sim::has_smoothed(scene) || !has_material) return;
+  const sim::Locking locking = sim::assess_locking(model, sim::Element::linear);
+  if (locking.loss < loss_worth_a_word) return;
+  run.caveat(fmt::format(
+      "Linear tets can hardly bend: with cells of {:.2g} mm in a body about {:.2g} mm thick, "
+      "deflections in bending may come out up to {:.0f} % too small at nu {:.4g}. Smoothed "
+      "elements, quadratic tets (solver: fem, fem_order: 2) or smaller cells mend that.",
+      m_to_mm * locking.cell, m_to_mm * locking.thickness, 100.0 * locking.loss,
+      locking.poisson_ratio));
+}
+
 // A mesh whose lengths were no millimetres.
 void doubt_size(StageRun& run, const sim::Model& model) {
   constexpr double smallest = 1e-3, largest = 3.0;  // m
@@ -142,15 +160,16 @@ void doubt_size(StageRun& run, const sim::Model& model) {
 
 }  // namespace
 
-void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file, bool is_static,
-                   const Outcome& outcome) {
+void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file,
+                   const sim::SolverOptions& options, const Outcome& outcome) {
   doubt_size(run, model);
+  doubt_bending(run, model, file.scene, options);
   doubt_overlaps(run, model, file.scene, outcome);
   doubt_near_pieces(run, model, file.scene);
   doubt_compression(run, model, file.scene, outcome.last);
   doubt_narrow_obstacles(run, model, file.scene, outcome);
   doubt_forces(run, outcome);
-  if (is_static && file.scene.has<sim::Prony>()) {
+  if (options.is_static() && file.scene.has<sim::Prony>()) {
     run.caveat(
         "Frames are equilibria (fem_time: quasi_static), in which the branches of effects.prony "
         "have relaxed, however short the time.");

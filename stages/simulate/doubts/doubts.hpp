@@ -7,8 +7,8 @@
 
 namespace viscera {
 
-// `is_static`: its frames are equilibria.
-void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file, bool is_static,
-                   const Outcome& outcome);
+// Of a run by a solver with these options.
+void report_doubts(StageRun& run, const sim::Model& model, const SceneFile& file,
+                   const sim::SolverOptions& options, const Outcome& outcome);
 
 }  // namespace viscera

@@ -181,6 +181,36 @@ TEST(Reactions, EachObstacleAndSpringHasItsOwn) {
 }
 
 // Impulse = change of momentum, frame by frame, whatever the body does meanwhile.
+// In a corner without friction the ground pushes upwards alone, and the wall aside.
+TEST(Reactions, InACornerEachPlaneHasWhatItCanExert) {
+  const Model model = make_cube(3);
+  Scene scene = elastic_scene();
+  const double aside = 0.5, down = 1.0, length = std::hypot(aside, down);
+  auto& gravity = scene.params<Gravity>().emplace_back();
+  gravity.direction = {-aside, 0.0, -down};
+  scene.params<Viscosity>().emplace_back();
+  for (const Vec3<double>& normal : {Vec3<double>{0.0, 0.0, 1.0}, {1.0, 0.0, 0.0}}) {
+    auto& plane = scene.params<Ground>().emplace_back();
+    plane.clearance = 0.0, plane.friction = 0.0, plane.normal = normal;
+  }
+  const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp64});
+  std::vector<State> states;
+  for (int frame = 0; frame < 120; ++frame) {
+    solver->advance_frame();
+    states.push_back(solver->state());
+  }
+  const double weight = weight_of(model, scene);
+  const Reactions reactions(model, scene);
+  const auto found =
+      reactions.at(FrameMotion::at_end(states[117], states[118], states[119], scene.time.frame_s));
+  const Vec3<double> ground = of(reactions, found, "ground.1").force;
+  const Vec3<double> wall = of(reactions, found, "ground.2").force;
+  EXPECT_NEAR(ground.x, 0.0, 0.003 * weight);
+  EXPECT_NEAR(ground.z, weight * down / length, 0.003 * weight);
+  EXPECT_NEAR(wall.x, weight * aside / length, 0.003 * weight);
+  EXPECT_NEAR(wall.z, 0.0, 0.003 * weight);
+}
+
 TEST(Reactions, InAnImpactTheImpulseIsTheChangeOfMomentum) {
   const Model model = make_cube(4);
   Scene scene = drop_scene();
