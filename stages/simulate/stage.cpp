@@ -292,6 +292,10 @@ void simulate(StageRun& run) {
                                              file.scene.time, fingerprint_of(model));
     check_start(model, start);
     solver->set_state(start);
+    run.caveat(fmt::format(
+        "The run goes on from a checkpoint at t {:.4g} s: its first contact, its rest, the least J "
+        "and the greatest speed are those since then.",
+        static_cast<double>(start.step) * file.scene.time.substep_s()));
   }
   std::vector<double> history_at_start;
   if (frames_of_stress) history_at_start = solver->state().history;

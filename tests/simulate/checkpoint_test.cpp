@@ -56,6 +56,8 @@ TEST_F(Checkpoint, AnyDamagedByteAndAnyTruncationIsBadInput) {
 TEST_F(Checkpoint, VelocitiesThatNoBodyHasEndTheRunAsBadInputOrDiverged) {
   write(0.0);
   EXPECT_EQ(go_on("fp32"), 0) << errors;
+  ASSERT_EQ(manifest().caveats.size(), 1u);
+  EXPECT_NE(manifest().caveats[0].find("a checkpoint at t 0.01667 s"), std::string::npos);
   for (const std::string precision : {"fp32", "fp64"}) {
     for (const double v : {1e4, 1e6, 1e12, 1e20, 1e39, 1e300}) {
       write(v);
