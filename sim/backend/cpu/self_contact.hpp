@@ -31,8 +31,10 @@ class CpuSelfContact {
     friction_ = prepared.params.friction;
   }
 
-  // By all of the team, before the elements: leads d out.
-  void push(Team& team, int rank, const std::vector<Row<T>>& u, std::vector<Row<T>>& d) {
+  // By all of the team, before the elements: leads d out, and `keeps` by how much.
+  void push(Team& team, int rank, bool keeps, const std::vector<Row<T>>& u,
+            std::vector<Row<T>>& d) {
+    if (!keeps) return separate(team, rank, thickness_, contacts_, u, d);
     const std::vector<int>& all = pairs_.vertices();
     const Range mine = part_of({0, static_cast<int>(all.size())}, rank, team.size());
     for (int k = mine.begin; k < mine.end; ++k) corrections_[all[k]] = d[all[k]].v;
@@ -53,7 +55,7 @@ class CpuSelfContact {
     separate(team, rank, 0.5 * thickness_, last_, u, d);
   }
 
-  // [n] m, by which push() has moved each vertex.
+  // [n] m, by which push() has moved each vertex, where it was to keep that.
   const Vec3<T>* corrections() const { return corrections_.data(); }
   // Vertices that were held off a triangle in the last substep.
   std::size_t count() const { return count_held(contacts_); }

@@ -224,7 +224,7 @@ class CpuSubstep {
   }
   void sweep_rate_forces() {
     body_.team.barrier();
-    const bool in_replicas = body_.replicas && body_.replicas->damped();
+    const bool in_replicas = damps_in_replicas();
     if (in_replicas) {
       body_.replicas->take(own_replicas(), body_.u, body_.d);
       body_.replicas->offset_for_rates(own_replicas());
@@ -292,7 +292,7 @@ class CpuSubstep {
   void push(OnCpu<Effect, T, EffectKind::self_contact>& own) {
     took(CpuBody<T>::step_part);
     body_.team.barrier();
-    own.push(body_.team, rank_, body_.u, body_.d);
+    own.push(body_.team, rank_, damps_in_replicas(), body_.u, body_.d);
     took(Effects::index_of<Effect>());
   }
   template <class Effect>
@@ -478,6 +478,7 @@ class CpuSubstep {
     body_.team.barrier();
     took(CpuBody<T>::step_part);
   }
+  bool damps_in_replicas() const { return body_.replicas && body_.replicas->damped(); }
   // Replicas that rate forces have led apart get what forces, motions and contacts have done.
   void lead_replicas(Range replicas) {
     const T scale = rule().acts / usual_rule().acts;

@@ -162,12 +162,6 @@ struct DeviceElements : Placement<Effect::arity> {
   }
 };
 
-inline int device_attribute(cudaDeviceAttr which) {
-  int value = 0;
-  check(cudaDeviceGetAttribute(&value, which, 0), "asking what the device has");
-  return value;
-}
-
 // By which kernel, with how many threads and how much shared memory, and of how many members at
 // once.
 template <class T>

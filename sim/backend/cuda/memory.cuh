@@ -26,6 +26,12 @@ inline int current_device() {
   return device;
 }
 
+inline int device_attribute(cudaDeviceAttr which) {
+  int value = 0;
+  check(cudaDeviceGetAttribute(&value, which, current_device()), "asking what the device has");
+  return value;
+}
+
 // A solver's own order of things: solvers of several threads do not wait for one another.
 class Stream {
  public:

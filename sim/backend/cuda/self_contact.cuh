@@ -318,12 +318,11 @@ class CudaSelfContact {
         holder_(std::vector<int>(rest.size(), unclaimed)),
         push_(pairs),
         rub_(pairs) {
-    int a_processor = 0, processors = 0;
+    int a_processor = 0;
     check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, find_candidates<T>,
                                                         contact_threads, 0),
           "asking for the blocks that run at once");
-    check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, current_device()),
-          "asking what the device has");
+    const int processors = device_attribute(cudaDevAttrMultiProcessorCount);
     const int wanted = (triangle_count() * one_warp + contact_threads - 1) / contact_threads;
     finding_blocks_ = std::max(1, std::min(wanted, a_processor * processors));
   }

@@ -50,6 +50,19 @@ State newton(const Model& model, const Scene& scene, int order = 1) {
   return solver->state();
 }
 
+// Of the last of so many frames, from the start.
+Reactions::Found after(int frames, const Model& model, const Scene& scene,
+                       const Reactions& reactions) {
+  const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp64});
+  std::vector<State> states;
+  for (int frame = 0; frame < frames; ++frame) {
+    solver->advance_frame();
+    states.push_back(solver->state());
+  }
+  const State* last = states.data() + states.size() - 1;
+  return reactions.at(FrameMotion::at_end(last[-2], last[-1], last[0], scene.time.frame_s));
+}
+
 Scene held_scene() {
   Scene scene = elastic_scene();
   scene.params<Gravity>().emplace_back();
@@ -180,7 +193,6 @@ TEST(Reactions, EachObstacleAndSpringHasItsOwn) {
   EXPECT_NEAR(norm(sum_of(found)), 0.0, 1e-9 * weight);
 }
 
-// Impulse = change of momentum, frame by frame, whatever the body does meanwhile.
 // In a corner without friction the ground pushes upwards alone, and the wall aside.
 TEST(Reactions, InACornerEachPlaneHasWhatItCanExert) {
   const Model model = make_cube(3);
@@ -193,16 +205,9 @@ TEST(Reactions, InACornerEachPlaneHasWhatItCanExert) {
     auto& plane = scene.params<Ground>().emplace_back();
     plane.clearance = 0.0, plane.friction = 0.0, plane.normal = normal;
   }
-  const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp64});
-  std::vector<State> states;
-  for (int frame = 0; frame < 120; ++frame) {
-    solver->advance_frame();
-    states.push_back(solver->state());
-  }
   const double weight = weight_of(model, scene);
   const Reactions reactions(model, scene);
-  const auto found =
-      reactions.at(FrameMotion::at_end(states[117], states[118], states[119], scene.time.frame_s));
+  const auto found = after(120, model, scene, reactions);
   const Vec3<double> ground = of(reactions, found, "ground.1").force;
   const Vec3<double> wall = of(reactions, found, "ground.2").force;
   EXPECT_NEAR(ground.x, 0.0, 0.003 * weight);
@@ -211,6 +216,7 @@ TEST(Reactions, InACornerEachPlaneHasWhatItCanExert) {
   EXPECT_NEAR(wall.z, 0.0, 0.003 * weight);
 }
 
+// Impulse = change of momentum, frame by frame, whatever the body does meanwhile.
 TEST(Reactions, InAnImpactTheImpulseIsTheChangeOfMomentum) {
   const Model model = make_cube(4);
   Scene scene = drop_scene();
@@ -288,18 +294,11 @@ TEST(Reactions, SelfContactCarriesWhatLiesOnAnotherPieceOfTheBody) {
   scene.params<Viscosity>().emplace_back();
   scene.params<SelfContact>().push_back({.thickness = 1e-3, .friction = 0.5});
   scene.params<Fixed>().emplace_back().side = "inferior";
-  const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp64});
-  std::vector<State> states;
-  for (int frame = 0; frame < 60; ++frame) {
-    solver->advance_frame();
-    states.push_back(solver->state());
-  }
   const double weight = weight_of(block, scene);
   const Reactions reactions(model, scene);
   EXPECT_EQ(reactions.names(), (std::vector<std::string>{"gravity", "fixed", "self_contact.1",
                                                          "self_contact.2", "remainder"}));
-  const auto found =
-      reactions.at(FrameMotion::at_end(states[57], states[58], states[59], scene.time.frame_s));
+  const auto found = after(60, model, scene, reactions);
   EXPECT_NEAR(of(reactions, found, "self_contact.1").force.z, -weight, 0.02 * weight) << "plate";
   EXPECT_NEAR(of(reactions, found, "self_contact.2").force.z, weight, 0.02 * weight) << "block";
   EXPECT_NEAR(of(reactions, found, "fixed").force.z, weight_of(model, scene), 0.02 * weight);
