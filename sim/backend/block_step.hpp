@@ -210,6 +210,12 @@ struct VertexNow {
         v(x.v[i]),
         last(x.last[i]) {}
 
+  SIM_HD void keep_in(const BlockVertices<T>& x, int i) const {
+    x.v[i] = v;
+    x.last[i] = last;
+    for_each_replica([&](int replica) { x.u[replica] = u; });
+  }
+
   SIM_HD bool is_free() const { return u.w > T(0); }
 
   // In all blocks together.
@@ -413,9 +419,7 @@ SIM_HD void finish_local(const BlockScene<T>& scene, const Step<T>& step, const 
       if (touches(correction)) scene.rule.after_stop(correction, d, now.v, now.last);
     });
   }
-  x.v[i] = now.v;
-  x.last[i] = now.last;
-  now.for_each_replica([&](int replica) { x.u[replica] = now.u; });
+  now.keep_in(x, i);
 }
 
 // A tet on its way through the sweep of its block. What the block has of a vertex goes together: at

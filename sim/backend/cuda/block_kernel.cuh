@@ -2,13 +2,15 @@
 // vertices in shared memory and runs all substeps on them, phase by phase with a barrier of its own
 // between. Blocks exchange once a substep, where the replicas of a vertex are averaged: each
 // publishes its own and waits for those that it needs (cuda/message.cuh), so there is no barrier
-// over the grid and no second trip to memory. The sums are in a fixed order: two runs on one device
-// give the same bits.
+// over the grid and no second trip to memory; only self-contact has all blocks meet
+// (cuda/block_contact.cuh). The sums are in a fixed order: two runs on one device give the same
+// bits.
 #pragma once
 
 #include <algorithm>
 #include <array>
 
+#include "sim/backend/cuda/block_contact.cuh"
 #include "sim/backend/cuda/block_pushes.cuh"
 #include "sim/backend/cuda/block_sweep.cuh"
 #include "sim/backend/cuda/message.cuh"
@@ -69,10 +71,10 @@ struct Frame {
   int substeps;
   int locals;
   int all_replicas;
-  int blocks;             // of a member
-  int first_member;       // of the grid
-  int contacts;           // contact effects named
-  const Vec3<T>* pushed;  // m, by self-contact in this substep; null: none, or not named
+  int blocks;                    // of a member
+  int first_member;              // of the grid
+  int contacts;                  // contact effects named
+  BlockContact<T> self_contact;  // of the only member; null: not named
   BoundView<T> bound;
   bool pushes;  // whether the bound's first part acts within this launch
   int max_locals, max_shared, max_replicas, max_duals, max_gathered, max_table;  // of a block
@@ -81,11 +83,6 @@ struct Frame {
   bool linearizes;    // elements before a sweep, side by side: where a phase costs its latency
   bool single_block;  // a block is a whole body
 };
-
-template <class Count>
-__host__ __device__ constexpr Count round_up(Count count, Count unit) {
-  return (count + unit - 1) / unit * unit;
-}
 
 // What a block tells others of a vertex: its sum over replicas, whose second part is zero but where
 // rate forces act (`parts` == 2).
@@ -157,6 +154,7 @@ struct BlockMemory {
   int* from_begin;             // [shared + 1]
   int* from;                   // [gathered]
   int* table;                  // of the element effects' phases
+  int* room;                   // [room_for_sums] of self-contact
   unsigned* near_bound;    // [tets / 32] a bit each: whether it is near the bound on compression
   std::uint16_t* watched;  // how many are, and which, counted from the block's first
   unsigned char* views;    // of all effects, one kind after the other
@@ -183,6 +181,7 @@ struct BlockMemory {
     from_begin = take<int>(at, frame.max_shared + 1);
     from = take<int>(at, frame.max_gathered);
     table = take<int>(at, frame.max_table);
+    room = take<int>(at, frame.self_contact.count > 0 ? room_for_sums : 0);
     near_bound = take<unsigned>(at, words_of(frame.bound.most));
     watched = take<std::uint16_t>(at, frame.bound.list_size());
     views = at;
@@ -263,7 +262,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
                            frame.leader ? frame.leader + first : nullptr,
                            count,
                            frame.replicated[block],
-                           frame.pushed ? frame.pushed + first : nullptr};
+                           frame.self_contact.pushed + (frame.self_contact.count > 0 ? first : 0)};
   const BlockScene<T> scene = scene_of_block<set>(frame, static_cast<int>(member), block, own);
   const unsigned long long done = frame.done + frame.ahead[member];
   const auto step_at = [&frame, &scene, done](int substep) {
@@ -287,6 +286,8 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
   }
   if (!frame.runs[member]) return;
   __syncthreads();
+  constexpr bool has_self_contact = (set & effect_set<SelfContact>) != 0;
+  const bool folds = has_self_contact && frame.self_contact.count > 0;
   for_each_view<EffectKind::element, set>(
       scene, [&]<class Effect>(const auto& view, int) { make_resident<Effect, T>(view, work); });
   for (int i = lane; i < count; i += lanes) {
@@ -304,7 +305,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
       x.duals[replica] = duals[replica];
       if constexpr (parts == 2) x.rate_duals[replica] = rate_duals[replica];
     });
-    begin_local<set>(scene, step_at(0), x, i, now);
+    if (!folds) begin_local<set>(scene, step_at(0), x, i, now);
   }
   __syncthreads();
   const bool bounded = frame.pushes && frame.bound.acts[member];
@@ -316,6 +317,15 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     __syncthreads();
   };
   for (int substep = 0; substep < frame.substeps; ++substep) {
+    if constexpr (has_self_contact) {
+      if (folds) {
+        push_surface<set>(frame.self_contact, scene, step_at(substep), x, first, own.room);
+        for (int i = lane; i < count; i += lanes) {
+          begin_local<set>(scene, step_at(substep), x, i, VertexNow<T>(x, i));
+        }
+        __syncthreads();
+      }
+    }
     const auto load = [&] {
       for (int i = lane; i < count; i += lanes) load_local<set>(scene, step_at(substep), x, i);
       __syncthreads();
@@ -352,10 +362,15 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
                               own.from + own.from_begin[i + 1], first + i, sum, exchange);
       }
       finish_local<set>(scene, step_at(substep), x, i, sum, now);
-      if (substep + 1 < frame.substeps) begin_local<set>(scene, step_at(substep + 1), x, i, now);
+      if (substep + 1 < frame.substeps && !folds) {
+        begin_local<set>(scene, step_at(substep + 1), x, i, now);
+      }
     }
     __syncwarp();  // lanes that waited and lanes that did not go on as one
     __syncthreads();
+    if constexpr (has_self_contact) {
+      if (folds) rub_surface(frame.self_contact, scene.rule, x, first, own.room);
+    }
   }
   for (int k = lane; k < count; k += lanes) {
     const int i = vertex_at(k);

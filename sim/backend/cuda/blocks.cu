@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "sim/backend/cuda/block_bound.cuh"
-#include "sim/backend/cuda/block_contact.cuh"
 #include "sim/backend/cuda/block_kernel.cuh"
 #include "sim/backend/cuda/block_setup.cuh"
 #include "sim/backend/cuda/blocks.hpp"
@@ -80,12 +79,13 @@ class CudaBlocks final : public Ensemble {
     for (int member = 0; member < members_; ++member) bound_->set_model(member, model);
     frame_.bound = bound_->view();
     place_effects(assess(model, scene).cs_max);
-    if (!std::get<Effects::index_of<SelfContact>()>(program_.effects).empty())
-      contact_.emplace(layout_, program_, constants_->first_local(), frame_);
+    if (!std::get<Effects::index_of<SelfContact>()>(program_.effects).empty()) {
+      contact_.emplace(layout_, program_, constants_->first_local());
+      frame_.self_contact = contact_->view();
+    }
     launch_.emplace(named_in(program_), layout_.team().linearizes, own_, frame_);
     make_views();
     graph_ = Graph(stream_, [this] { launch_->enqueue(frame_, members_, stream_); });
-    if (contact_) contact_->capture(frame_, stream_);
     if (!bound_->is_empty()) {
       u_before_ = DeviceArray<Vec3<T>>(u_.size());
       v_before_ = DeviceArray<Vec3<T>>(v_.size());
@@ -166,7 +166,10 @@ class CudaBlocks final : public Ensemble {
       }
     });
     upload_views();
-    if (contact_) contact_->retune(program_, frame_, stream_);
+    if (contact_) {
+      contact_->retune(program_);
+      frame_.self_contact = contact_->view();
+    }
   }
   void steer(int member, const Scene& scene) override {
     check_scene(scene);
@@ -303,9 +306,9 @@ class CudaBlocks final : public Ensemble {
     Effects::for_each([&]<class Effect, std::size_t i>() {
       const auto& effects = std::get<i>(program_.effects);
       const int count = static_cast<int>(effects.size());
-      // Self-contact acts between launches.
-      const bool in_launch = Effect::kind != EffectKind::self_contact;
-      static_cast<Views<EffectView<Effect, T>>&>(frame_.effects).count = in_launch ? count : 0;
+      // Self-contact has a view of its own (frame_.self_contact).
+      const bool has_views = Effect::kind != EffectKind::self_contact;
+      static_cast<Views<EffectView<Effect, T>>&>(frame_.effects).count = has_views ? count : 0;
       if (Effect::kind == EffectKind::contact) frame_.contacts += count;
       if constexpr (Effect::kind == EffectKind::element) {
         for (const auto& effect : effects) {
@@ -368,7 +371,7 @@ class CudaBlocks final : public Ensemble {
     for (int first = 0; first < program_.substeps; first += longest_launch) {
       options_.pause_point();
       frame_.pushes = !bound_->is_empty();
-      launch_substeps(first, std::min(program_.substeps - first, longest_launch));
+      launch(first, std::min(program_.substeps - first, longest_launch));
       stream_.finish("running a frame");
     }
   }
@@ -376,7 +379,7 @@ class CudaBlocks final : public Ensemble {
     for (int substep = 0; substep < program_.substeps; ++substep) {
       options_.pause_point();
       frame_.pushes = false;  // the whole bound follows
-      launch_substeps(substep, 1);
+      launch(substep, 1);
       bound_->correct(members, stream_);
     }
   }
@@ -390,15 +393,6 @@ class CudaBlocks final : public Ensemble {
     runs_.upload(members);
   }
 
-  void launch_substeps(int first, int substeps) {
-    if (!contact_) return launch(first, substeps);
-    for (int k = first; k < first + substeps; ++k) {
-      frame_.done = step_ + k;
-      contact_->push(frame_, stream_);
-      launch(k, 1);
-      contact_->rub(stream_);
-    }
-  }
   // As a graph: 2 us less than launches of their own.
   void launch(int first, int substeps) {
     frame_.substeps = substeps;

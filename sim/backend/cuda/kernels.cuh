@@ -12,6 +12,11 @@ namespace viscera::sim {
 
 inline constexpr int block_size = 256;
 
+template <class Count>
+__host__ __device__ constexpr Count round_up(Count count, Count unit) {
+  return (count + unit - 1) / unit * unit;
+}
+
 __device__ inline int global_thread() {
   return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
 }

@@ -2,12 +2,13 @@
 // found anew, by the device alone, where a vertex has moved too far for them: a group of vertices
 // has a box, and a warp a triangle. A substep asks all candidates whether they touch, and one
 // thread block moves those that do apart, in rounds. Candidates and pairs are in the order of their
-// triangles and vertices: results do not depend on which thread came first.
+// triangles and vertices: results do not depend on which thread came first. All of it is done by a
+// grid whose thread blocks run at once and meet in between: one of its own, or that of a frame in
+// blocks (cuda/block_contact.cuh).
 #pragma once
 
 #include <cooperative_groups/reduce.h>
-
-#include <cub/block/block_scan.cuh>
+#include <cooperative_groups/scan.h>
 
 #include "sim/backend/block_layout.hpp"
 #include "sim/backend/cuda/kernels.cuh"
@@ -107,23 +108,43 @@ __device__ inline auto this_warp() {
   return cooperative_groups::tiled_partition<one_warp>(cooperative_groups::this_thread_block());
 }
 
+__device__ inline int threads_of_grid() {
+  return static_cast<int>(gridDim.x * blockDim.x);
+}
 __device__ inline int global_warp() {
   return global_thread() / one_warp;
 }
 __device__ inline int warps_of_grid() {
-  return static_cast<int>(gridDim.x * blockDim.x) / one_warp;
+  return threads_of_grid() / one_warp;
 }
 
+// One self-contact of a body: what a grid works on whose threads are all there at once.
 template <class T>
-__global__ void measure_motion(ContactSurface surface, ContactBody<T> body, ContactSearch* search) {
-  const int k = global_thread();
+struct SelfContactView {
+  ContactSurface surface;
+  ContactBody<T> body;
+  double friction;
+  ContactSearch* search;
+  int *counts, *begin;  // [triangles] of candidates
+  Candidate* candidates;
+  int* touching;                          // [candidates] which touch: each warp lists its part
+  int *touching_counts, *touching_begin;  // [warps]
+  int* holder;                            // [n]
+  ContactList push, rub;                  // before and after the elements
+};
+
+template <class T>
+__device__ void measure_motion(const SelfContactView<T>& contact) {
+  const ContactSurface& surface = contact.surface;
+  const ContactBody<T>& body = contact.body;
+  const int first = surface.vertices[0];
+  // All distances are as they were where all have moved as the first one has.
+  const Vec3<double> alike = body.start(first) - surface.found_at[first];
   double since = 0.0, now = 0.0;
-  if (k < surface.count) {
-    const int vertex = surface.vertices[k], first = surface.vertices[0];
-    // All distances are as they were where all have moved as the first one has.
-    const Vec3<double> alike = body.start(first) - surface.found_at[first];
-    since = norm(body.start(vertex) - surface.found_at[vertex] - alike);
-    now = norm(body.motion(vertex));
+  for (int k = global_thread(); k < surface.count; k += threads_of_grid()) {
+    const int vertex = surface.vertices[k];
+    since = fmax(since, norm(body.start(vertex) - surface.found_at[vertex] - alike));
+    now = fmax(now, norm(body.motion(vertex)));
   }
   const auto raise = [](double length, unsigned& most) {
     const unsigned bits = length > 0.0 ? __float_as_uint(__double2float_ru(length)) : 0u;
@@ -131,8 +152,8 @@ __global__ void measure_motion(ContactSurface surface, ContactBody<T> body, Cont
         cooperative_groups::reduce(this_warp(), bits, cooperative_groups::greater<unsigned>());
     if (threadIdx.x % one_warp == 0 && of_warp > 0) atomicMax(&most, of_warp);
   };
-  raise(since, search->since);
-  raise(now, search->now);
+  raise(since, contact.search->since);
+  raise(now, contact.search->now);
 }
 
 // Where candidates are looked for, and the box of each group of vertices.
@@ -184,8 +205,25 @@ __device__ inline void list_candidates(bool lists, const ContactSurface& surface
   }
 }
 
-constexpr int contact_threads = 1024;
-using ContactScan = cub::BlockScan<int, contact_threads>;
+inline constexpr int room_for_sums = one_warp;
+
+// The sum over the threads of a block before this one; `all` is that over all of them. `room` in
+// shared memory, [room_for_sums].
+template <class Add>
+__device__ int sum_before(int own, const Add& add, int* room, int& all) {
+  const int warp = static_cast<int>(threadIdx.x) / one_warp;
+  const int in_warp = cooperative_groups::exclusive_scan(this_warp(), own, add);
+  if (threadIdx.x % one_warp == one_warp - 1) room[warp] = add(in_warp, own);
+  __syncthreads();
+  int before = 0;
+  all = 0;
+  for (int k = 0; k < static_cast<int>(blockDim.x) / one_warp; ++k) {
+    if (k == warp) before = all;
+    all = add(all, room[k]);
+  }
+  __syncthreads();
+  return add(before, in_warp);
+}
 
 // Adds up to one more than there is room for, so that no sum overflows.
 struct AddUpTo {
@@ -195,15 +233,15 @@ struct AddUpTo {
 
 // Where the candidates of each triangle begin. By one thread block.
 __device__ inline void add_counts_up(const ContactSurface& surface, ContactSearch* search,
-                                     const int* counts, int* begin) {
-  __shared__ typename ContactScan::TempStorage room;
+                                     const int* counts, int* begin, int* room) {
   const AddUpTo add{surface.capacity + 1};
-  const int each = (surface.triangle_count + contact_threads - 1) / contact_threads;
+  const int threads = static_cast<int>(blockDim.x);
+  const int each = (surface.triangle_count + threads - 1) / threads;
   const int from = min(static_cast<int>(threadIdx.x) * each, surface.triangle_count);
   const int to = min(from + each, surface.triangle_count);
   int sum = 0, all = 0;
   for (int t = from; t < to; ++t) sum = add(sum, counts[t]);
-  ContactScan(room).ExclusiveScan(sum, sum, 0, add, all);
+  sum = sum_before(sum, add, room, all);
   for (int t = from; t < to; ++t) {
     begin[t] = sum;
     sum = add(sum, counts[t]);
@@ -213,22 +251,32 @@ __device__ inline void add_counts_up(const ContactSurface& surface, ContactSearc
   if (all > surface.capacity) search->has_overrun = true;
 }
 
-// Candidates anew, where they are no longer known. A cooperative launch.
 template <class T>
-__global__ void __launch_bounds__(contact_threads)
-    find_candidates(ContactSurface surface, ContactBody<T> body, ContactSearch* search, int* counts,
-                    int* begin, Candidate* candidates) {
-  if (surface.is_known(*search)) return;
+__device__ void find_candidates(const SelfContactView<T>& contact, int* room) {
   const auto grid = cooperative_groups::this_grid();
-  const double reach = surface.thickness + surface.next_margin(*search);
-  place_groups(surface, body);
+  const ContactSurface& surface = contact.surface;
+  const double reach = surface.thickness + surface.next_margin(*contact.search);
+  place_groups(surface, contact.body);
   grid.sync();
-  list_candidates(false, surface, reach, counts, begin, candidates);
+  list_candidates(false, surface, reach, contact.counts, contact.begin, contact.candidates);
   grid.sync();
-  if (blockIdx.x == 0) add_counts_up(surface, search, counts, begin);
+  if (blockIdx.x == 0) {
+    add_counts_up(surface, contact.search, contact.counts, contact.begin, room);
+  }
   grid.sync();
-  if (search->candidates > surface.capacity) return;
-  list_candidates(true, surface, reach, counts, begin, candidates);
+  if (contact.search->candidates <= surface.capacity) {
+    list_candidates(true, surface, reach, contact.counts, contact.begin, contact.candidates);
+  }
+  grid.sync();
+}
+
+// None where there are more than there is room for.
+__device__ inline int listed(const ContactSurface& surface, const ContactSearch& search) {
+  return search.candidates > surface.capacity ? 0 : search.candidates;
+}
+// Of the candidates, for each warp of the grid.
+__device__ inline int share_of_warp(int candidates) {
+  return round_up((candidates + warps_of_grid() - 1) / warps_of_grid(), one_warp);
 }
 
 // Not inlined, so that who asks and who lists finds the same, to the rounding.
@@ -240,59 +288,117 @@ __device__ __noinline__ bool touch_in_step(const ContactBody<T>& body, double di
 
 // Which candidates touch.
 template <class T>
-__global__ void ask_candidates(ContactSurface surface, ContactBody<T> body, double distance,
-                               const ContactSearch* search, const Candidate* candidates,
-                               bool* found) {
-  const int count = search->candidates;
-  if (count > surface.capacity) return;
-  const double reach = contact_reach(distance, surface.length(search->now));
-  for (int c = global_thread(); c < count; c += static_cast<int>(gridDim.x * blockDim.x)) {
-    TouchingPair pair{candidates[c].vertex, candidates[c].triangle, {}, 0.0};
-    found[c] = touch_in_step(body, distance, reach, pair);
+__device__ void ask_candidates(const SelfContactView<T>& contact, double distance) {
+  const double reach = contact_reach(distance, ContactSurface::length(contact.search->now));
+  const int all = listed(contact.surface, *contact.search), share = share_of_warp(all);
+  const int lane = static_cast<int>(threadIdx.x) % one_warp;
+  const int begin = global_warp() * share, end = min(begin + share, all);
+  int found = 0;
+  for (int first = begin; first < end; first += one_warp) {
+    const int c = first + lane;
+    bool touches = false;
+    if (c < end) {
+      TouchingPair pair{contact.candidates[c].vertex, contact.candidates[c].triangle, {}, 0.0};
+      touches = touch_in_step(contact.body, distance, reach, pair);
+    }
+    const unsigned touching = __ballot_sync(~0u, touches);
+    if (touches) contact.touching[begin + found + __popc(touching & ((1u << lane) - 1u))] = c;
+    found += __popc(touching);
   }
+  if (lane == 0) contact.touching_counts[global_warp()] = found;
 }
 
 // Lists what touches in the order of the candidates, and moves it apart. By one thread block.
 template <class T>
-__global__ void __launch_bounds__(contact_threads)
-    move_pairs_apart(ContactSurface surface, ContactBody<T> body, double distance,
-                     ContactSearch* search, const Candidate* candidates, const bool* found,
-                     ContactList list, int* holder) {
-  __shared__ typename ContactScan::TempStorage room;
-  const int all = search->candidates > surface.capacity ? 0 : search->candidates;
-  const double reach = contact_reach(distance, surface.length(search->now));
+__device__ void move_pairs_apart(const SelfContactView<T>& contact, double distance,
+                                 const ContactList& list, int* room) {
+  const ContactSurface& surface = contact.surface;
+  ContactSearch& search = *contact.search;
+  const double reach = contact_reach(distance, surface.length(search.now));
+  const int share = share_of_warp(listed(surface, search)), warps = warps_of_grid();
+  const int threads = static_cast<int>(blockDim.x);
+  int* const begin = contact.touching_begin;
   int count = 0;
-  for (int first = 0; first < all; first += contact_threads) {
-    const int c = first + static_cast<int>(threadIdx.x);
-    const bool touches = c < all && found[c];
-    int before = 0, here = 0;
-    ContactScan(room).ExclusiveSum(touches ? 1 : 0, before, here);
-    if (touches && count + before < list.capacity) {
-      TouchingPair& pair = list.pairs[count + before];
-      pair = {candidates[c].vertex, candidates[c].triangle, {}, 0.0};
-      touch_in_step(body, distance, reach, pair);
-    }
+  for (int first = 0; first < warps; first += threads) {
+    const int warp = first + static_cast<int>(threadIdx.x);
+    int here = 0;
+    const int before = sum_before(warp < warps ? contact.touching_counts[warp] : 0,
+                                  cooperative_groups::plus<int>(), room, here);
+    if (warp < warps) begin[warp] = count + before;
     count += here;
-    __syncthreads();
   }
   if (threadIdx.x == 0) {
-    if (count > search->most) search->most = count;
-    if (!surface.is_known(*search)) search->margin = surface.next_margin(*search);
-    search->since = search->now = 0;
+    if (count > search.most) search.most = count;
+    if (!surface.is_known(search)) search.margin = surface.next_margin(search);
+    search.since = search.now = 0;
     *list.count = count;
   }
+  __syncthreads();
   if (count > list.capacity) return;  // the host looks at `most`
-  const int rounds =
-      keep_all_apart(ContactTeam{}, body, list.pairs, count, distance, list.round_of, holder);
+  for (int p = static_cast<int>(threadIdx.x); p < count; p += threads) {
+    int warp = 0;  // the last that begins at p or before
+    for (int after = warps; after - warp > 1;) {
+      const int middle = (warp + after) / 2;
+      (begin[middle] <= p ? warp : after) = middle;
+    }
+    const Candidate& candidate =
+        contact.candidates[contact.touching[warp * share + p - begin[warp]]];
+    list.pairs[p] = {candidate.vertex, candidate.triangle, {}, 0.0};
+    touch_in_step(contact.body, distance, reach, list.pairs[p]);
+  }
+  __syncthreads();
+  const int rounds = keep_all_apart(ContactTeam{}, contact.body, list.pairs, count, distance,
+                                    list.round_of, contact.holder);
   if (threadIdx.x == 0) *list.rounds = rounds;
 }
 
+// Finds what comes nearer than `distance`, into `list`, and moves it apart.
+template <class T>
+__device__ __noinline__ void separate(const SelfContactView<T>& contact, double distance,
+                                      const ContactList& list, int* room) {
+  const auto grid = cooperative_groups::this_grid();
+  measure_motion(contact);
+  grid.sync();
+  if (!contact.surface.is_known(*contact.search)) find_candidates(contact, room);
+  ask_candidates(contact, distance);
+  grid.sync();
+  if (blockIdx.x == 0) move_pairs_apart(contact, distance, list, room);
+  grid.sync();
+}
+
+// Before the elements: leads d out.
+template <class T>
+__device__ void push_surface(const SelfContactView<T>& contact, int* room) {
+  separate(contact, contact.surface.thickness, contact.push, room);
+}
+// After the elements: friction, and what must be kept in any case.
+template <class T>
+__device__ void rub_surface(const SelfContactView<T>& contact, int* room) {
+  const ContactList& list = contact.push;
+  if (contact.friction > 0.0) {
+    if (blockIdx.x == 0 && *list.count <= list.capacity) {
+      resist_all_slides(ContactTeam{}, contact.body, list.pairs, *list.count, contact.friction,
+                        list.round_of, *list.rounds);
+    }
+    cooperative_groups::this_grid().sync();
+  }
+  separate(contact, 0.5 * contact.surface.thickness, contact.rub, room);
+}
+
+inline constexpr int contact_threads = 512;
+
+// Cooperative launches.
 template <class T>
 __global__ void __launch_bounds__(contact_threads)
-    resist_pairs(ContactBody<T> body, double friction, ContactList list) {
-  const int count = *list.count;
-  if (count > list.capacity) return;
-  resist_all_slides(ContactTeam{}, body, list.pairs, count, friction, list.round_of, *list.rounds);
+    push_surface_apart(const __grid_constant__ SelfContactView<T> contact) {
+  __shared__ int room[room_for_sums];
+  push_surface(contact, room);
+}
+template <class T>
+__global__ void __launch_bounds__(contact_threads)
+    rub_surface_apart(const __grid_constant__ SelfContactView<T> contact) {
+  __shared__ int room[room_for_sums];
+  rub_surface(contact, room);
 }
 
 template <class T>
@@ -313,18 +419,15 @@ class CudaSelfContact {
         counts_(pairs.triangles().size()),
         begin_(pairs.triangles().size()),
         candidates_(candidates_in(pairs)),
-        touches_(candidates_.size()),
+        touching_(candidates_.size()),
+        touching_counts_(warps_at_once()),
+        touching_begin_(touching_counts_.size()),
         search_(1),
         holder_(std::vector<int>(rest.size(), unclaimed)),
         push_(pairs),
         rub_(pairs) {
-    int a_processor = 0;
-    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&a_processor, find_candidates<T>,
-                                                        contact_threads, 0),
-          "asking for the blocks that run at once");
-    const int processors = device_attribute(cudaDevAttrMultiProcessorCount);
     const int wanted = (triangle_count() * one_warp + contact_threads - 1) / contact_threads;
-    finding_blocks_ = std::max(1, std::min(wanted, a_processor * processors));
+    blocks_ = std::min(wanted, device_attribute(cudaDevAttrMultiProcessorCount));
   }
 
   // Of a body with this many vertices in all.
@@ -333,23 +436,44 @@ class CudaSelfContact {
            pairs.vertices().size() * (sizeof(int) + sizeof(Bounds) / one_warp) +
            pairs.triangles().size() * (sizeof(Triangle) + 3 * sizeof(int)) +
            pairs.left_out().size() * sizeof(int) +
-           candidates_in(pairs) * (sizeof(Candidate) + sizeof(bool)) +
+           candidates_in(pairs) * (sizeof(Candidate) + sizeof(int)) +
            2 * capacity_of(pairs) * (sizeof(TouchingPair) + sizeof(int));
   }
 
   void retune(const SelfContact::Params& params) { friction_ = params.friction; }
 
-  // Before the elements: leads d out.
-  void enqueue_push(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* w) const {
-    separate(stream, body_of(u, d, w), thickness_, push_);
+  // Of the motion `d` over a substep that begins at `u`.
+  SelfContactView<T> view(const Vec3<T>* u, Vec3<T>* d, const T* w) const {
+    const ContactSurface surface = {triangles_.get(),
+                                    vertices_.get(),
+                                    found_at_.get(),
+                                    boxes_.get(),
+                                    {left_out_.get(), left_out_begin_.get()},
+                                    triangle_count(),
+                                    static_cast<int>(vertices_.size()),
+                                    thickness_,
+                                    edge_,
+                                    static_cast<int>(candidates_.size())};
+    return {surface,
+            {triangles_.get(), rest_.get(), u, d, w},
+            friction_,
+            search_.get(),
+            counts_.get(),
+            begin_.get(),
+            candidates_.get(),
+            touching_.get(),
+            touching_counts_.get(),
+            touching_begin_.get(),
+            holder_.get(),
+            push_.view(),
+            rub_.view()};
   }
-  // After the elements: friction, and what must be kept in any case.
+  // In launches of its own.
+  void enqueue_push(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* w) const {
+    enqueue(stream, push_surface_apart<T>, view(u, d, w));
+  }
   void enqueue_rub(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* w) const {
-    const ContactBody<T> body = body_of(u, d, w);
-    if (friction_ > 0.0) {
-      resist_pairs<T><<<1, contact_threads, 0, stream>>>(body, friction_, push_.view());
-    }
-    separate(stream, body, 0.5 * thickness_, rub_);
+    enqueue(stream, rub_surface_apart<T>, view(u, d, w));
   }
 
   // Throws Diverged when more pairs touched, or were near, than there is room for.
@@ -371,9 +495,6 @@ class CudaSelfContact {
   }
 
  private:
-  static constexpr int threads = 128;
-  static constexpr int asking_blocks = 264;  // of a device with 132 multiprocessors, two each
-
   struct List {
     int capacity;
     DeviceArray<TouchingPair> pairs;
@@ -400,41 +521,18 @@ class CudaSelfContact {
     return 128 * pairs.vertices().size() + 1024;
   }
 
-  static int blocks(int count) { return (count + threads - 1) / threads; }
+  static int warps_at_once() {
+    return device_attribute(cudaDevAttrMultiProcessorCount) *
+           device_attribute(cudaDevAttrMaxThreadsPerMultiProcessor) / one_warp;
+  }
   int triangle_count() const { return static_cast<int>(triangles_.size()); }
 
-  ContactBody<T> body_of(const Vec3<T>* u, Vec3<T>* d, const T* w) const {
-    return {triangles_.get(), rest_.get(), u, d, w};
-  }
-  ContactSurface surface() const {
-    return {triangles_.get(),
-            vertices_.get(),
-            found_at_.get(),
-            boxes_.get(),
-            {left_out_.get(), left_out_begin_.get()},
-            triangle_count(),
-            static_cast<int>(vertices_.size()),
-            thickness_,
-            edge_,
-            static_cast<int>(candidates_.size())};
-  }
-
-  // Finds what comes nearer than `distance`, into `list`, and moves it apart.
-  void separate(cudaStream_t stream, ContactBody<T> body, double distance, const List& list) const {
-    ContactSurface surface = this->surface();
-    ContactSearch* search = search_.get();
-    measure_motion<T><<<blocks(surface.count), threads, 0, stream>>>(surface, body, search);
-    int *counts = counts_.get(), *begin = begin_.get();
-    Candidate* candidates = candidates_.get();
-    void* arguments[] = {&surface, &body, &search, &counts, &begin, &candidates};
-    check(cudaLaunchCooperativeKernel(find_candidates<T>, dim3(finding_blocks_),
-                                      dim3(contact_threads), arguments, 0, stream),
-          "looking for what may touch");
-    ask_candidates<T><<<asking_blocks, threads, 0, stream>>>(surface, body, distance, search,
-                                                             candidates_.get(), touches_.get());
-    move_pairs_apart<T><<<1, contact_threads, 0, stream>>>(surface, body, distance, search,
-                                                           candidates_.get(), touches_.get(),
-                                                           list.view(), holder_.get());
+  void enqueue(cudaStream_t stream, void (*kernel)(SelfContactView<T>),
+               SelfContactView<T> contact) const {
+    void* arguments[] = {&contact};
+    check(cudaLaunchCooperativeKernel(kernel, dim3(blocks_), dim3(contact_threads), arguments, 0,
+                                      stream),
+          "moving a surface apart");
   }
 
   double thickness_, friction_;
@@ -447,11 +545,12 @@ class CudaSelfContact {
   DeviceArray<Bounds> boxes_;           // of one_warp vertices each
   DeviceArray<int> counts_, begin_;     // [triangles] of candidates
   DeviceArray<Candidate> candidates_;
-  DeviceArray<bool> touches_;          // [candidates]
-  DeviceArray<ContactSearch> search_;  // [1]
-  DeviceArray<int> holder_;            // [n]
-  int finding_blocks_;                 // that run at once
-  List push_, rub_;                    // before and after the elements
+  DeviceArray<int> touching_;                          // [candidates]
+  DeviceArray<int> touching_counts_, touching_begin_;  // [warps that run at once]
+  DeviceArray<ContactSearch> search_;                  // [1]
+  DeviceArray<int> holder_;                            // [n]
+  List push_, rub_;                                    // before and after the elements
+  int blocks_;                                         // of a launch of its own
 };
 
 }  // namespace viscera::sim
