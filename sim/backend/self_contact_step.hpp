@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -17,6 +18,11 @@ struct TouchingPair {
   int vertex, triangle;
   Over over;
   double pushed;  // by how much they were moved apart, m
+  // What is the same in all sweeps (prepare): the vertex and the corners, how much of a motion of
+  // the vertex relative to the triangle each makes, by inverse masses, and n . (x - sum b y), m.
+  int at[4];
+  double share[4];  // 0: not moved, as pairs of one round may have it in common
+  double apart;
 };
 
 constexpr int contact_sweeps = 4;  // over all pairs that touch
@@ -52,37 +58,46 @@ SIM_HD SurfacePair pair_of(const Body& body, int vertex, int triangle) {
   return pair;
 }
 
-// The relative motion over the substep.
-SIM_HD Vec3<double> slide(const SurfacePair& pair, const Over& over) {
-  Vec3<double> relative = pair.dx;
-  for (int j = 0; j < 3; ++j) relative -= over.b[j] * pair.dy[j];
+template <class Body>
+SIM_HD void prepare(const Body& body, TouchingPair& contact) {
+  const double* const b = contact.over.b;
+  Vec3<double> apart = body.start(contact.vertex);
+  double mobility = body.mobility(contact.vertex);
+  contact.at[0] = contact.vertex;
+  for (int j = 0; j < 3; ++j) {
+    const int v = contact.at[j + 1] = body.triangles[contact.triangle][j];
+    apart -= b[j] * body.start(v);
+    mobility += b[j] * b[j] * body.mobility(v);
+  }
+  contact.apart = dot(contact.over.normal, apart);
+  for (int k = 0; k < 4; ++k) {
+    const double of_motion = k == 0 ? 1.0 : -b[k - 1];
+    contact.share[k] = mobility > 0.0 ? of_motion * body.mobility(contact.at[k]) / mobility : 0.0;
+  }
+}
+
+// How the vertex moves over the substep, relative to the triangle.
+template <class Body>
+SIM_HD Vec3<double> slide(const Body& body, const TouchingPair& contact) {
+  Vec3<double> relative = body.motion(contact.at[0]);
+  for (int j = 0; j < 3; ++j) relative -= contact.over.b[j] * body.motion(contact.at[j + 1]);
   return relative;
 }
 
-// Adds `relative` to the motion of the vertex relative to the triangle, by their inverse masses.
+// Adds `relative` to it.
 template <class Body>
 SIM_HD void share_out(const Body& body, const TouchingPair& contact, const Vec3<double>& relative) {
-  const Triangle& corners = body.triangles[contact.triangle];
-  const auto& b = contact.over.b;
-  double mobility = body.mobility(contact.vertex);
-  for (int j = 0; j < 3; ++j) mobility += b[j] * b[j] * body.mobility(corners[j]);
-  if (!(mobility > 0.0)) return;
-  // Those that nothing moves are left alone: pairs of one round may share them.
-  const auto move = [&](int v, double by) {
-    if (body.mobility(v) > 0.0) body.move(v, (by * body.mobility(v) / mobility) * relative);
-  };
-  move(contact.vertex, 1.0);
-  for (int j = 0; j < 3; ++j) move(corners[j], -b[j]);
+  for (int k = 0; k < 4; ++k) {
+    if (contact.share[k] != 0.0) body.move(contact.at[k], contact.share[k] * relative);
+  }
 }
 
 template <class Body>
 SIM_HD void keep_apart(const Body& body, TouchingPair& contact, double distance) {
-  const SurfacePair now = pair_of(body, contact.vertex, contact.triangle);
-  Vec3<double> apart = now.x + slide(now, contact.over);
-  for (int j = 0; j < 3; ++j) apart -= contact.over.b[j] * now.y[j];
-  const double missing = distance - dot(contact.over.normal, apart);
+  const Vec3<double>& n = contact.over.normal;
+  const double missing = distance - (contact.apart + dot(n, slide(body, contact)));
   if (!(missing > 0.0)) return;
-  share_out(body, contact, missing * contact.over.normal);
+  share_out(body, contact, missing * n);
   contact.pushed += missing;
 }
 
@@ -90,8 +105,7 @@ template <class Body>
 SIM_HD void resist_slide(const Body& body, const TouchingPair& contact, double friction) {
   const double limit = friction * contact.pushed;
   if (!(limit > 0.0)) return;
-  const Vec3<double> relative =
-      slide(pair_of(body, contact.vertex, contact.triangle), contact.over);
+  const Vec3<double> relative = slide(body, contact);
   const Vec3<double>& n = contact.over.normal;
   const Vec3<double> along = relative - dot(n, relative) * n;
   const double distance = norm(along);
@@ -108,18 +122,13 @@ inline std::size_t count_held(std::span<const TouchingPair> contacts) {
   return std::unique(held.begin(), held.end()) - held.begin();
 }
 
-// function(vertex) for the vertices that a pair may move.
-template <class Body, class Function>
-SIM_HD void for_each_moved(const Body& body, const TouchingPair& contact,
-                           const Function& function) {
-  if (body.mobility(contact.vertex) > 0.0) function(contact.vertex);
-  for (int j = 0; j < 3; ++j) {
-    const int v = body.triangles[contact.triangle][j];
-    if (body.mobility(v) > 0.0) function(v);
-  }
-}
+// Who claims a vertex: in a later round and of an earlier pair the less.
+using Claim = std::int64_t;
+constexpr Claim unclaimed = INT64_MAX;
 
-constexpr int unclaimed = 0x7fffffff;
+SIM_HD Claim claim_of(int pair, int round) {
+  return pair - (static_cast<Claim>(round) << 32);
+}
 
 // Moves pairs apart, one after the other as far as anyone can tell, and returns in how many rounds.
 // In a round each pair that still waits claims the vertices that it moves; the earliest claim
@@ -131,30 +140,31 @@ constexpr int unclaimed = 0x7fffffff;
 // done on return; any(count, work), whether one of them is true; and lower(a, b), a = min(a, b).
 template <class Team, class Body>
 SIM_HD int keep_all_apart(const Team& team, const Body& body, TouchingPair* contacts, int count,
-                          double distance, int* round_of, int* holder) {
+                          double distance, int* round_of, Claim* holder) {
   constexpr int waits = -1;
+  const auto for_each_moved = [contacts](int c, const auto& function) {
+    for (int k = 0; k < 4; ++k) {
+      if (contacts[c].share[k] != 0.0) function(contacts[c].at[k]);
+    }
+  };
   team.for_each(count, [&](int c) { round_of[c] = waits; });
   int rounds = 0;
   for (bool left = count > 0; left; ++rounds) {
     team.for_each(count, [&](int c) {
       if (round_of[c] != waits) return;
-      for_each_moved(body, contacts[c], [&](int v) { team.lower(holder[v], c); });
-    });
-    team.for_each(count, [&](int c) {
-      bool holds_all = round_of[c] == waits;
-      if (!holds_all) return;
-      for_each_moved(body, contacts[c], [&](int v) { holds_all = holds_all && holder[v] == c; });
-      if (!holds_all) return;
-      round_of[c] = rounds;
-      keep_apart(body, contacts[c], distance);
+      for_each_moved(c, [&](int v) { team.lower(holder[v], claim_of(c, rounds)); });
     });
     left = team.any(count, [&](int c) {
-      if (round_of[c] == waits || round_of[c] == rounds) {
-        for_each_moved(body, contacts[c], [&](int v) { holder[v] = unclaimed; });
-      }
-      return round_of[c] == waits;
+      if (round_of[c] != waits) return false;
+      bool holds_all = true;
+      for_each_moved(c, [&](int v) { holds_all = holds_all && holder[v] == claim_of(c, rounds); });
+      if (!holds_all) return true;
+      round_of[c] = rounds;
+      keep_apart(body, contacts[c], distance);
+      return false;
     });
   }
+  team.for_each(count, [&](int c) { for_each_moved(c, [&](int v) { holder[v] = unclaimed; }); });
   for (int sweep = 1; sweep < contact_sweeps; ++sweep) {
     for (int round = 0; round < rounds; ++round) {
       team.for_each(count, [&](int c) {

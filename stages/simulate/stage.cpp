@@ -449,7 +449,7 @@ const Stage& simulate_stage() {
   static const Stage stage{
       .info =
           {.name = "simulate",
-           .version = "26",
+           .version = "27",
            .doc =
                "The motion of a tetrahedral mesh: XPBD, PBD, explicit or implicit finite elements",
            .inputs = {{.role = "mesh", .doc = "mesh.vtu with the cell array `label`"},

@@ -7,7 +7,7 @@
 #include <atomic>
 #include <set>
 
-#include "sim/backend/cpu/team.hpp"
+#include "sim/base/team.hpp"
 #include "sim/element_choice.hpp"
 #include "sim/make.hpp"
 #include "tests/sim/shapes.hpp"

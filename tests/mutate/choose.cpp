@@ -33,7 +33,7 @@ const std::vector<Group> groups = {{"sim/effects", 56, 1},
 
 // Nothing of what these compute is a result: how long a wait spins, how many threads take part, in
 // which of a GPU's banks a number lies, and what is printed.
-const std::set<std::string> left_out = {"sim/backend/cpu/pace.hpp", "sim/backend/cpu/team.hpp",
+const std::set<std::string> left_out = {"sim/backend/cpu/pace.hpp", "sim/base/team.hpp",
                                         "sim/backend/banks.hpp",    "pipeline/base/log.cpp",
                                         "pipeline/base/log.hpp",    "sim/backend/cuda/no_cuda.cpp"};
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "sim/backend/cpu/elements.hpp"
-#include "sim/backend/cpu/team.hpp"
 #include "sim/backend/region_step.hpp"
+#include "sim/base/team.hpp"
 
 namespace viscera::sim {
 

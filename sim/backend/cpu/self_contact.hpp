@@ -8,8 +8,8 @@
 #include <algorithm>
 
 #include "sim/backend/cpu/elements.hpp"
-#include "sim/backend/cpu/team.hpp"
 #include "sim/backend/self_contact_step.hpp"
+#include "sim/base/team.hpp"
 
 namespace viscera::sim {
 
@@ -92,8 +92,9 @@ class CpuSelfContact {
     for (const auto& [then, triangle, vertex] : candidates_[rank]) {
       if (then > reached_then) break;
       TouchingPair contact{vertex, triangle, {}, 0.0};
-      if (touch(pair_of(body, vertex, triangle), distance, reach, contact.over))
-        own_[rank].push_back(contact);
+      if (!touch(pair_of(body, vertex, triangle), distance, reach, contact.over)) continue;
+      prepare(body, contact);
+      own_[rank].push_back(contact);
     }
     std::ranges::sort(own_[rank], {}, [](const TouchingPair& pair) {
       return std::pair(pair.triangle, pair.vertex);

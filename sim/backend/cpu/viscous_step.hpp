@@ -3,9 +3,9 @@
 
 #include <vector>
 
-#include "sim/backend/cpu/team.hpp"
 #include "sim/base/range.hpp"
 #include "sim/base/row.hpp"
+#include "sim/base/team.hpp"
 #include "sim/solvers/xpbd/arithmetic.hpp"
 #include "sim/solvers/xpbd/damping_choice.hpp"
 

@@ -8,9 +8,9 @@
 #include <span>
 #include <vector>
 
-#include "sim/backend/cpu/team.hpp"
 #include "sim/base/range.hpp"
 #include "sim/base/row.hpp"
+#include "sim/base/team.hpp"
 #include "sim/solvers/xpbd/volume_bound.hpp"
 
 namespace viscera::sim {

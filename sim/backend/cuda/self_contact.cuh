@@ -75,7 +75,9 @@ struct ContactTeam {
     }
     return __syncthreads_or(own) != 0;
   }
-  __device__ void lower(int& a, int b) const { atomicMin(&a, b); }
+  __device__ void lower(Claim& a, Claim b) const {
+    atomicMin(reinterpret_cast<long long*>(&a), static_cast<long long>(b));
+  }
 };
 
 // The surface and where its candidates were found, as a kernel sees them.
@@ -129,7 +131,7 @@ struct SelfContactView {
   Candidate* candidates;
   int* touching;                          // [candidates] which touch: each warp lists its part
   int *touching_counts, *touching_begin;  // [warps]
-  int* holder;                            // [n]
+  Claim* holder;                          // [n]
   ContactList push, rub;                  // before and after the elements
 };
 
@@ -345,6 +347,7 @@ __device__ void move_pairs_apart(const SelfContactView<T>& contact, double dista
         contact.candidates[contact.touching[warp * share + p - begin[warp]]];
     list.pairs[p] = {candidate.vertex, candidate.triangle, {}, 0.0};
     touch_in_step(contact.body, distance, reach, list.pairs[p]);
+    prepare(contact.body, list.pairs[p]);
   }
   __syncthreads();
   const int rounds = keep_all_apart(ContactTeam{}, contact.body, list.pairs, count, distance,
@@ -423,7 +426,7 @@ class CudaSelfContact {
         touching_counts_(warps_at_once()),
         touching_begin_(touching_counts_.size()),
         search_(1),
-        holder_(std::vector<int>(rest.size(), unclaimed)),
+        holder_(std::vector<Claim>(rest.size(), unclaimed)),
         push_(pairs),
         rub_(pairs) {
     const int wanted = (triangle_count() * one_warp + contact_threads - 1) / contact_threads;
@@ -432,7 +435,7 @@ class CudaSelfContact {
 
   // Of a body with this many vertices in all.
   static std::size_t bytes(const SurfacePairs& pairs, std::size_t vertices) {
-    return vertices * (2 * sizeof(Vec3<double>) + sizeof(int)) +
+    return vertices * (2 * sizeof(Vec3<double>) + sizeof(Claim)) +
            pairs.vertices().size() * (sizeof(int) + sizeof(Bounds) / one_warp) +
            pairs.triangles().size() * (sizeof(Triangle) + 3 * sizeof(int)) +
            pairs.left_out().size() * sizeof(int) +
@@ -548,7 +551,7 @@ class CudaSelfContact {
   DeviceArray<int> touching_;                          // [candidates]
   DeviceArray<int> touching_counts_, touching_begin_;  // [warps that run at once]
   DeviceArray<ContactSearch> search_;                  // [1]
-  DeviceArray<int> holder_;                            // [n]
+  DeviceArray<Claim> holder_;                          // [n]
   List push_, rub_;                                    // before and after the elements
   int blocks_;                                         // of a launch of its own
 };

@@ -213,7 +213,7 @@ class ShuffledTeam {
     for_each(count, [&](int k) { result |= work(k); });
     return result;
   }
-  void lower(int& a, int b) const { a = std::min(a, b); }
+  void lower(Claim& a, Claim b) const { a = std::min(a, b); }
 
  private:
   mutable std::mt19937 random_{7};
@@ -252,13 +252,17 @@ TEST(SelfContact, PairsSolvedInRoundsAreThoseOfTheListInItsOrderToTheBit) {
   auto in_order = list, in_rounds = list;
   auto d = start, rounds_d = start;
   const LooseBody body{pairs.triangles().data(), model.rest, d, w};
+  for (auto* pairs_of : {&in_order, &in_rounds}) {
+    for (auto& pair : *pairs_of) prepare(body, pair);
+  }
   for (int sweep = 0; sweep < contact_sweeps; ++sweep) {
     for (auto& pair : in_order) keep_apart(body, pair, distance);
   }
   for (const auto& pair : in_order) resist_slide(body, pair, friction);
 
   const LooseBody same{pairs.triangles().data(), model.rest, rounds_d, w};
-  std::vector<int> round_of(list.size()), holder(model.vertex_count(), unclaimed);
+  std::vector<int> round_of(list.size());
+  std::vector<Claim> holder(model.vertex_count(), unclaimed);
   const int count = static_cast<int>(list.size());
   const ShuffledTeam team;
   const int rounds =
