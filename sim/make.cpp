@@ -10,6 +10,10 @@ std::unique_ptr<Solver> make_on_cpu(const Model& model, const Scene& scene,
                                     const SolverOptions& options) {
   check_scene(scene);
   check_options(scene, options);
+  if (options.devices > 1) {
+    throw Refusal(Refusal::Cause::device, "devices", std::to_string(options.devices) + " on a CPU",
+                  "1", "use device: cuda on a machine with as many GPUs");
+  }
   if (options.method == Method::fem) {
     if (const std::string name = collective_effect(scene); !name.empty()) {
       throw Refusal(Refusal::Cause::scene, "effects." + name, "solver fem", "xpbd, pbd or tled",

@@ -46,6 +46,7 @@ struct SolverOptions {
   double split = 4.0;      // Jacobi: the factor on A in the denominator; 1 is explicit dynamics
   int block_tets = 0;      // block Gauss-Seidel: tets a block; 0: as suits the device
   double stiffness = 1.0;  // PBD: share of a constraint's error removed by an iteration
+  int devices = 1;         // block Gauss-Seidel on CUDA: GPUs that step one body together
   int threads = 0;         // 0 for all cores; results do not depend on it
   bool spares_threads = false;  // takes one in place of several while that is faster (pace.hpp)
   FemOptions fem;

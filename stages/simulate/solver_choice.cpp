@@ -85,6 +85,7 @@ sim::SolverOptions asked_options(const StageRun& run) {
                              .split = run.param<double>("split"),
                              .block_tets = run.param<int>("block_tets"),
                              .stiffness = run.param<double>("stiffness"),
+                             .devices = run.param<int>("devices"),
                              .threads = run.param<int>("threads"),
                              .spares_threads = true};
   options.fem.time = chosen(run, "fem_time", fem_times);
@@ -125,6 +126,8 @@ std::vector<Param> solver_params() {
                "jacobi: factor on the denominator; 1 is explicit dynamics"),
       whole("block_tets", d.block_tets, 0, 1e9,
             "block_gauss_seidel: tets a block; 0: as suits the device"),
+      whole("devices", d.devices, 1, 64,
+            "block_gauss_seidel on CUDA: GPUs of this machine that step the body together"),
       quantity("stiffness", number(d.stiffness), "1", 0.0, 1.0,
                "pbd: share of an error that an iteration removes"),
       choice("fem_time", fem_times,

@@ -482,6 +482,38 @@ TEST_F(Cuda, AMemberGivesTheBitsOfARunAlone) {
   }
 }
 
+// Blocks are the same: tissue, with viscosity and so with two messages a vertex, with elements that
+// have a history, and pressed to the bound on compression, where frames run substep by substep.
+TEST_F(Cuda, SeveralDevicesStepABodyAsOneDoes) {
+  if (find_cuda_device().count < 2) GTEST_SKIP() << "one GPU alone";
+  const Model model = make_cube(6);
+  Scene elastic = drop_scene(), relaxing = drop_scene(), pressed = drop_scene();
+  elastic.params<Viscosity>().clear();
+  relaxing.params<Prony>().push_back({.modulus = 0.5, .time = 0.1});
+  pressed.params<Gravity>()[0].acceleration *= 300.0;
+  for (const Precision precision : {Precision::fp32, Precision::fp64}) {
+    for (const Scene& scene : {elastic, drop_scene(), relaxing, pressed}) {
+      SolverOptions options{
+          .scheme = Scheme::block_gauss_seidel, .precision = precision, .block_tets = 60};
+      const auto one = make_on_cuda(model, scene, options);
+      options.devices = 2;
+      const auto two = make_on_cuda(model, scene, options),
+                 resumed = make_on_cuda(model, scene, options);
+      const auto advance = [](Solver& solver) {
+        for (int frame = 0; frame < 15; ++frame) solver.advance_frame();
+      };
+      advance(*one), advance(*two);
+      EXPECT_EQ(one->state().hash(), two->state().hash());
+      EXPECT_EQ(one->motion().hash(), two->motion().hash());
+      EXPECT_EQ(one->contact_count(), two->contact_count());
+      resumed->set_state(two->state());
+      advance(*one), advance(*two), advance(*resumed);
+      EXPECT_EQ(one->state().hash(), two->state().hash());
+      EXPECT_EQ(one->state().hash(), resumed->state().hash());
+    }
+  }
+}
+
 TEST_F(Cuda, AMemberIsTakenUpWhereItWasLeft) {
   const Model model = make_cube(4);
   const SolverOptions options{.scheme = Scheme::block_gauss_seidel, .block_tets = 50};

@@ -6,8 +6,10 @@
 // that take him a minute. Beside each time stands what an H200 would need at least (bound_of), by
 // the limit that binds.
 //   bench_gpu CSV E_kPa NU MESH.vtu…
-// and what the members of an ensemble cost, which differ in E:
+// and what the members of an ensemble cost, which differ in E, on all devices that there are:
 //   bench_gpu ensemble CSV MESH.vtu
+// and what a bar costs that one or several devices step together:
+//   bench_gpu devices CSV
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -205,7 +207,8 @@ void run(const sim::Material& material, sim::Element element, const char* file, 
 }
 
 void run_ensembles(const char* file, std::string& csv) {
-  const Model model = held_body(file, {5e3, 0.45, 1060.0, 0.0}, Held::thin);
+  // Stiff enough to stay away from the bound on compression, whose frames take far longer.
+  const Model model = held_body(file, {20e3, 0.45, 1060.0, 0.0}, Held::thin);
   const auto spread = [](int member, Model& own, sim::Scene&) {
     for (auto& material : own.materials) material.youngs_modulus *= 0.8 + 0.4 * (member % 64) / 64;
   };
@@ -227,16 +230,51 @@ void run_ensembles(const char* file, std::string& csv) {
   }
 }
 
+void run_devices(std::string& csv) {
+  const int devices_there = sim::find_cuda_device().count;
+  constexpr int substeps = 32, frames = 20;
+  for (const int cells_across : {15, 23, 31, 39, 45, 57}) {
+    const Model model = sim::make_five_tet_box({0.1, 0.03, 0.03},
+                                               {10 * cells_across / 3, cells_across, cells_across},
+                                               {100.0, 0.45, 1060.0, 0.0});
+    for (int devices = 1; devices <= devices_there; devices *= 2) {
+      try {
+        const auto solver =
+            make_on_cuda(model, tissue(model, sim::Element::linear, substeps),
+                         {.scheme = Scheme::block_gauss_seidel, .devices = devices});
+        const Times times = time_frames([&] { solver->advance_frame(); }, frames);
+        fmt::print(
+            "{} tets on {} devices: {:.3f} ms a frame ({:.3f}, {:.3f}), {:.2f} us a substep\n",
+            model.tet_count(), devices, times.median, times.q1, times.q3,
+            1e3 * times.median / substeps);
+        csv += fmt::format("{},{},{},{:.4f},{:.4f},{:.4f}\n", model.tet_count(), devices, substeps,
+                           times.median, times.q1, times.q3);
+      } catch (const sim::Refusal& refusal) {
+        fmt::print("{} tets on {} devices: {}\n", model.tet_count(), devices, refusal.what());
+      }
+      std::fflush(stdout);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace viscera
 
 int main(int argc, char** argv) {
-  if (argc < 4) {
+  const bool shares_bodies = argc == 3 && argv[1] == std::string("devices");
+  if (argc < 4 && !shares_bodies) {
     return std::fputs(
                "usage: bench_gpu CSV E_kPa NU MESH.vtu...\n"
-               "       bench_gpu ensemble CSV MESH.vtu\n",
+               "       bench_gpu ensemble CSV MESH.vtu\n"
+               "       bench_gpu devices CSV\n",
                stderr),
            2;
+  }
+  if (shares_bodies) {
+    std::string csv = "tets,devices,substeps,frame_ms,q1,q3\n";
+    viscera::run_devices(csv);
+    std::ofstream(argv[2]) << csv;
+    return 0;
   }
   if (argv[1] == std::string("ensemble")) {
     std::string csv = "tets,members,frame_ms,q1,q3,us_per_member_and_substep,setup_s\n";

@@ -3,9 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <mutex>
+#include <set>
+#include <utility>
 
 #include "sim/base/refusal.hpp"
-#include "sim/solvers/ensemble.hpp"
+#include "sim/solvers/across_devices.hpp"
 #include "tests/sim/shapes.hpp"
 
 namespace viscera::sim {
@@ -217,6 +220,48 @@ TEST(Ensemble, MembersOnACpuAreTheBodiesThatTuneMakes) {
   EXPECT_EQ(both->state(1).hash(), second_alone->state().hash());
   EXPECT_NE(both->state(0).hash(), both->state(1).hash());
   EXPECT_FALSE(both->off_host()) << "its frames are computed on the host's cores";
+}
+
+// Whoever works on a device has entered it, and the caller stays with its own.
+TEST(Ensemble, AcrossDevicesEachMemberIsWhatItIsAlone) {
+  static thread_local int entered = -1;
+  const Model model = make_cube(1);
+  const Tune tune = [](int member, Model& own, Scene&) {
+    own.materials[0].youngs_modulus *= 1.0 + member;
+  };
+  std::vector<int> devices;
+  std::mutex one_at_a_time;
+  const auto make = [&](int first, int count) {
+    const std::lock_guard lock(one_at_a_time);
+    devices.push_back(entered);
+    return make_ensemble_on_cpu(
+        model, drop_scene(), {}, count,
+        [&tune, first](int member, Model& own, Scene& scene) { tune(first + member, own, scene); });
+  };
+  const auto enter = [](int device, const std::function<void()>& work) {
+    const int before = std::exchange(entered, device);
+    work();
+    entered = before;
+  };
+  AcrossDevices all(3, 7, enter, make);
+  std::ranges::sort(devices);
+  EXPECT_EQ(devices, (std::vector{0, 1, 2}));
+  EXPECT_EQ(all.size(), 7);
+  const auto alone = make_ensemble_on_cpu(model, drop_scene(), {}, 7, tune);
+  const auto [soft, scene] = tuned(model, drop_scene(), 0, tune);
+  const auto advance_both = [&] {
+    for (int frame = 0; frame < 10; ++frame) all.advance_frame(), alone->advance_frame();
+  };
+  advance_both();
+  all.retune(6, soft, scene), alone->retune(6, soft, scene);
+  advance_both();
+  std::set<std::uint64_t> different;
+  for (int member = 0; member < 7; ++member) {
+    EXPECT_EQ(all.state(member).hash(), alone->state(member).hash()) << member;
+    different.insert(all.state(member).hash());
+  }
+  EXPECT_EQ(different.size(), 7u);
+  EXPECT_EQ(entered, -1);
 }
 
 }  // namespace

@@ -126,7 +126,9 @@ TEST(Options, ThatMakeNoSenseAreRefused) {
   for (const SolverOptions& options :
        {SolverOptions{.iterations = 0}, SolverOptions{.split = 0.5},
         SolverOptions{.block_tets = -1}, SolverOptions{.method = Method::pbd, .stiffness = 2.0},
-        SolverOptions{.method = Method::tled, .iterations = 2},
+        SolverOptions{.method = Method::tled, .iterations = 2}, SolverOptions{.devices = 2},
+        SolverOptions{.scheme = Scheme::block_gauss_seidel, .devices = 0},
+        SolverOptions{.scheme = Scheme::block_gauss_seidel, .devices = 2},
         SolverOptions{.method = Method::pbd}}) {
     EXPECT_THROW(make_on_cpu(model, scene, options), Refusal);
   }

@@ -3,8 +3,9 @@
 // between. Blocks exchange once a substep, where the replicas of a vertex are averaged: each
 // publishes its own and waits for those that it needs (cuda/message.cuh), so there is no barrier
 // over the grid and no second trip to memory; only self-contact has all blocks meet
-// (cuda/block_contact.cuh). The sums are in a fixed order: two runs on one device give the same
-// bits.
+// (cuda/block_contact.cuh). Where several devices share the blocks of a body, each runs its own and
+// tells the others of vertices that they have too. The sums are in a fixed order: two runs on one
+// device give the same bits.
 #pragma once
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include "sim/backend/cuda/block_contact.cuh"
 #include "sim/backend/cuda/block_pushes.cuh"
 #include "sim/backend/cuda/block_sweep.cuh"
+#include "sim/backend/cuda/blocks.hpp"
 #include "sim/backend/cuda/message.cuh"
 
 namespace viscera::sim {
@@ -53,14 +55,16 @@ struct Frame {
   const T* mobility;
   const T* share;
   const ReplicaRange* replicas;
-  const int* leader;          // or null
-  const int* local_begin;     // [blocks + 1]
-  const int* replica_begin;   // [blocks]
-  const int* replicated;      // [blocks] replicas of vertices with several, here or elsewhere
-  const int* shared_end;      // [blocks] of those that other blocks have too
-  const int* gather_begin;    // [locals + 1]
-  const int* gather;          // the same vertex in all blocks, in order; none where it has one
-  Message<T>* messages;       // [members * 2 * locals], where rate forces act two side by side
+  const int* leader;         // or null
+  const int* local_begin;    // [blocks + 1]
+  const int* replica_begin;  // [blocks]
+  const int* replicated;     // [blocks] replicas of vertices with several, here or elsewhere
+  const int* shared_end;     // [blocks] of those that other blocks have too
+  const int* gather_begin;   // [locals + 1]
+  const int* gather;         // the same vertex in all blocks, in order; none where it has one
+  Message<T>* messages;      // [members * 2 * locals], where rate forces act two side by side
+  Message<T>* messages_of_others[most_devices - 1];  // likewise, on other devices
+  int others;                                        // devices
   unsigned char* touching;    // [members * contacts * locals] at the end of the frame
   unsigned long long* ahead;  // [members] substeps that it has done beyond `done`
   const int* rate_passes;     // [members] in which rate forces act
@@ -71,7 +75,9 @@ struct Frame {
   int substeps;
   int locals;
   int all_replicas;
-  int blocks;                    // of a member
+  int blocks;                    // of a member, which this device runs
+  int first_block;               // of them
+  int first_local, end_local;    // of theirs
   int first_member;              // of the grid
   int contacts;                  // contact effects named
   BlockContact<T> self_contact;  // of the only member; null: not named
@@ -82,6 +88,11 @@ struct Frame {
   bool damped;        // the kernel has rate forces, named or not
   bool linearizes;    // elements before a sweep, side by side: where a phase costs its latency
   bool single_block;  // a block is a whole body
+
+  // Whether the device runs the blocks of these local vertices and of all between.
+  __device__ bool has_all(int first, int last) const {
+    return first >= first_local && last < end_local;
+  }
 };
 
 // What a block tells others of a vertex: its sum over replicas, whose second part is zero but where
@@ -234,7 +245,7 @@ template <class T, EffectSet set, int max_threads, bool single_block = false>
 __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     run_frame(const __grid_constant__ Frame<T> frame) {
   extern __shared__ __align__(32) unsigned char shared[];
-  const int block = static_cast<int>(blockIdx.x) % frame.blocks;
+  const int block = frame.first_block + static_cast<int>(blockIdx.x) % frame.blocks;
   const std::size_t member = frame.first_member + blockIdx.x / frame.blocks;
   const int lane = static_cast<int>(threadIdx.x), lanes = static_cast<int>(blockDim.x);
   const int first = frame.local_begin[block];
@@ -345,12 +356,19 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
       __syncthreads();
     }
     const unsigned exchange = static_cast<unsigned>(done + substep + 1);
-    Message<T>* const messages =
-        frame.messages + (2 * member + (exchange & 1u)) * parts * frame.locals;
+    const std::size_t of_exchange = (2 * member + (exchange & 1u)) * parts * frame.locals;
+    Message<T>* const messages = frame.messages + of_exchange;
     for (int k = first_to_send; k < count; k += lanes) {
       const int i = vertex_at(k);
       const auto sum = sum_of_replicas<set>(scene, x, VertexNow<T>(x, i));
       send<parts>(messages, first + i, sum, exchange);
+      if (frame.others > 0) {
+        const int from = own.from[own.from_begin[i]], last = own.from[own.from_begin[i + 1] - 1];
+        if (frame.has_all(from, last)) continue;
+        for (int other = 0; other < frame.others; ++other) {
+          send<parts>(frame.messages_of_others[other] + of_exchange, first + i, sum, exchange);
+        }
+      }
     }
     for (int k = lane; k < count; k += lanes) {
       const int i = vertex_at(k);

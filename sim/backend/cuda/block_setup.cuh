@@ -150,6 +150,16 @@ struct DeviceElements : Placement<Effect::arity> {
       }
     }
   }
+  // Of the elements of some blocks, for elements laid out alike; of the only member.
+  void copy_history_to(DeviceElements& other, int first_block, int end_block,
+                       cudaStream_t stream) const {
+    if constexpr (history_of<Effect> != 0) {
+      const std::vector<int> phase = block_phase.download(), begin = phase_begin.download();
+      const std::size_t first = begin[phase[first_block]], end = begin[phase[end_block]];
+      history.copy_to(other.history, first * history_of<Effect>, (end - first) * history_of<Effect>,
+                      stream);
+    }
+  }
   void save_history(std::vector<double>& all, int member) const {
     if constexpr (history_of<Effect> != 0) {
       save_kept<history_of<Effect>>(history, element_of, all, member);

@@ -3,6 +3,7 @@
 #include <cuda_runtime.h>
 
 #include <algorithm>
+#include <barrier>
 #include <cstring>
 
 #include "sim/backend/cuda/block_bound.cuh"
@@ -10,6 +11,7 @@
 #include "sim/backend/cuda/block_setup.cuh"
 #include "sim/backend/cuda/blocks.hpp"
 #include "sim/backend/cuda/memory.cuh"
+#include "sim/solvers/across_devices.hpp"
 #include "sim/solvers/xpbd/damping_choice.hpp"
 
 namespace viscera::sim {
@@ -49,11 +51,17 @@ __global__ void gather_motion(int count, const int* first, const Vec3<T>* u, con
   v_by_vertex[vertex] = v[first[vertex]];
 }
 
+// Which of the devices that step a body together.
+struct Rank {
+  int device = 0, devices = 1;
+};
+using Meeting = std::barrier<>;  // of the threads of all ranks
+
 template <class T>
 class CudaBlocks final : public Ensemble {
  public:
   CudaBlocks(const Model& model, const Scene& scene, const SolverOptions& options,
-             int tets_per_block, int members, std::string name)
+             int tets_per_block, int members, std::string name, Rank rank = {})
       : name_(std::move(name)),
         options_(options),
         members_(members),
@@ -68,7 +76,7 @@ class CudaBlocks final : public Ensemble {
     frame_.dt = program_.dt;
     frame_.rule = program_.rule;
     frame_.locals = local_count();
-    frame_.blocks = layout_.block_count();
+    run_blocks_of(rank);
     frame_.team = layout_.team().lanes;
     frame_.single_block = layout_.team().single_block;
     constants_.emplace(layout_, program_);
@@ -92,6 +100,37 @@ class CudaBlocks final : public Ensemble {
       added_before_ = DeviceArray<Added<T>>(added_.size());
       duals_before_ = DeviceArray<Vec3<T>>(duals_.size());
     }
+  }
+
+  // Steps a body with others on other devices, which have been made alike; from now on all do the
+  // same at the same time.
+  void join(std::vector<const CudaBlocks*> others, Meeting& meeting) {
+    for (const CudaBlocks* other : others) {
+      frame_.messages_of_others[frame_.others++] = other->messages_.get();
+    }
+    others_ = std::move(others);
+    meeting_ = &meeting;
+  }
+  // What else a state is of, of the blocks of the others, which stand still.
+  void take_kept() {
+    for (const CudaBlocks* other : others_) {
+      const Frame<T>& theirs = other->frame_;
+      const int end_block = theirs.first_block + theirs.blocks;
+      const int begin = layout_.replicas_in(theirs.first_block).begin;
+      const int count = layout_.replicas_in(end_block - 1).end - begin;
+      for (int part = 0; part < parts(); ++part) {
+        other->duals_.copy_to(duals_, part * replica_count() + begin, count, stream_);
+      }
+      Effects::for_each([&]<class Effect, std::size_t i>() {
+        if constexpr (Effect::kind == EffectKind::element) {
+          for (std::size_t k = 0; k < std::get<i>(own_).size(); ++k) {
+            std::get<i>(other->own_)[k].copy_history_to(std::get<i>(own_)[k], theirs.first_block,
+                                                        end_block, stream_);
+          }
+        }
+      });
+    }
+    stream_.finish("taking what other devices have");
   }
 
   int size() const override { return members_; }
@@ -191,7 +230,9 @@ class CudaBlocks final : public Ensemble {
     std::size_t count = 0;
     for (int k = 0; k < frame_.contacts; ++k) {
       for (int v = 0; v < vertex_count(); ++v) {
-        count += touching[k * locals + layout_.locals_of(v)[0]];
+        const int local = layout_.locals_of(v)[0];
+        const bool is_own = local >= frame_.first_local && local < frame_.end_local;
+        if (is_own) count += touching[k * locals + local];
       }
     }
     if (contact_) count += contact_->count();
@@ -261,6 +302,19 @@ class CudaBlocks final : public Ensemble {
     shared += CudaBlockBound<T>::bytes(bounded, vertex_count(), locals);
     shared += static_cast<std::size_t>(vertex_count()) * (sizeof(int) + 2 * sizeof(Vec3<T>));
     return shared + members_ * own;
+  }
+
+  void run_blocks_of(const Rank& rank) {
+    const std::int64_t all = layout_.block_count();
+    const auto first_of = [&](int device) { return static_cast<int>(all * device / rank.devices); };
+    frame_.first_block = first_of(rank.device);
+    frame_.blocks = first_of(rank.device + 1) - frame_.first_block;
+    if (frame_.blocks == 0) {
+      throw Refusal(Refusal::Cause::device, "devices", std::to_string(rank.devices),
+                    "at most " + std::to_string(all) + ", the blocks of this body", "use fewer");
+    }
+    frame_.first_local = layout_.locals_in(frame_.first_block).begin;
+    frame_.end_local = layout_.locals_in(frame_.first_block + frame_.blocks - 1).end;
   }
 
   void make_state() {
@@ -358,6 +412,7 @@ class CudaBlocks final : public Ensemble {
         return_to_start(member);
         by_substeps[member] = true;
       }
+      meet();
     }
     if (contains_any(by_substeps)) {
       choose(by_substeps);
@@ -374,14 +429,35 @@ class CudaBlocks final : public Ensemble {
       launch(first, std::min(program_.substeps - first, longest_launch));
       stream_.finish("running a frame");
     }
+    take_motion();
   }
   void run_by_substeps(const Members& members) {
     for (int substep = 0; substep < program_.substeps; ++substep) {
       options_.pause_point();
       frame_.pushes = false;  // the whole bound follows
       launch(substep, 1);
+      take_motion();
       bound_->correct(members, stream_);
     }
+  }
+  // Of the blocks of the others, which have done the same substeps.
+  void take_motion() {
+    if (others_.empty()) return;
+    stream_.finish("running a frame");
+    meet();
+    for (const CudaBlocks* other : others_) {
+      const std::size_t begin = other->frame_.first_local;
+      const std::size_t count = other->frame_.end_local - begin;
+      other->u_.copy_to(u_, begin, count, stream_);
+      other->v_.copy_to(v_, begin, count, stream_);
+      other->added_.copy_to(added_, begin, count, stream_);
+    }
+    stream_.finish("taking what other devices have done");
+    meet();
+  }
+  // None goes on before all have come so far.
+  void meet() {
+    if (meeting_) meeting_->arrive_and_wait();
   }
   static bool contains_any(const Members& members) {
     return std::ranges::find(members, 1) != members.end();
@@ -500,10 +576,126 @@ class CudaBlocks final : public Ensemble {
   std::optional<CudaBlockBound<T>> bound_;
   std::optional<CudaBlockContact<T>> contact_;      // of the only member
   DeviceArray<Vec3<T>> u_by_vertex_, v_by_vertex_;  // of a member, when it was looked at
+  std::vector<const CudaBlocks*> others_;           // that step the same body
+  Meeting* meeting_ = nullptr;                      // with them
   // At the start of the frame.
   DeviceArray<Vec3<T>> u_before_, v_before_, duals_before_;
   DeviceArray<Added<T>> added_before_;
 };
+
+// One body on several devices: each has all of it and runs its part of the blocks.
+template <class T>
+class BlocksTogether final : public Ensemble {
+ public:
+  BlocksTogether(const Model& model, const Scene& scene, SolverOptions options, int tets_per_block,
+                 const std::string& name)
+      : pause_point_(std::move(options.pause_point)),
+        devices_(options.devices, on_device),
+        meeting_(options.devices),
+        ranks_(options.devices) {
+    options.pause_point = [] {};  // who left one frame undone would have the others wait
+    for (int device = 0; device < devices_.size(); ++device) {
+      devices_.on(device, [&] { connect(device, devices_.size()); });
+    }
+    devices_.on_each([&](int device) {
+      ranks_[device] = std::make_unique<CudaBlocks<T>>(model, scene, options, tets_per_block, 1,
+                                                       name, Rank{device, devices_.size()});
+    });
+    for (const auto& rank : ranks_) {
+      std::vector<const CudaBlocks<T>*> others;
+      for (const auto& other : ranks_) {
+        if (other != rank) others.push_back(other.get());
+      }
+      rank->join(std::move(others), meeting_);
+    }
+  }
+
+  int size() const override { return 1; }
+  void advance_frame() override {
+    pause_point_();
+    devices_.on_each([this](int device) {
+      try {
+        ranks_[device]->advance_frame();
+      } catch (...) {
+        meeting_.arrive_and_drop();
+        throw;
+      }
+    });
+  }
+  State state(int) const override {
+    return on_first([](CudaBlocks<T>& rank) {
+      rank.take_kept();
+      return rank.state(0);
+    });
+  }
+  State motion(int) const override {
+    return on_first([](CudaBlocks<T>& rank) { return rank.motion(0); });
+  }
+  std::optional<DeviceMotion> motion_on_device(int) override {
+    return on_first([](CudaBlocks<T>& rank) { return rank.motion_on_device(0); });
+  }
+  void set_state(int, const State& state) override {
+    devices_.on_each([&](int device) { ranks_[device]->set_state(0, state); });
+  }
+  void retune(int, const Model& model, const Scene& scene) override {
+    devices_.on_each([&](int device) { ranks_[device]->retune(0, model, scene); });
+  }
+  void steer(int, const Scene& scene) override {
+    devices_.on_each([&](int device) { ranks_[device]->steer(0, scene); });
+  }
+  std::size_t contact_count(int) const override {
+    std::size_t count = 0;
+    for (int device = 0; device < devices_.size(); ++device) {
+      count += devices_.on(device, [&] { return ranks_[device]->contact_count(0); });
+    }
+    return count;
+  }
+  ActingDamping damping() const override { return ranks_[0]->damping(); }
+  std::string device() const override {
+    return ranks_[0]->device() + ", " + std::to_string(ranks_.size()) + " of them";
+  }
+  bool off_host() const override { return true; }
+  SubstepWork substep_work() const override { return ranks_[0]->substep_work(); }
+
+ private:
+  // One writes to the memory of the others.
+  static void connect(int device, int devices) {
+    for (int to = 0; to < devices; ++to) {
+      if (to != device) let_write_to(to);
+    }
+  }
+  static void let_write_to(int device) {
+    int can = 0;
+    check(cudaDeviceCanAccessPeer(&can, current_device(), device), "asking for another device");
+    if (!can) {
+      throw Refusal(Refusal::Cause::device, "devices", "GPUs that cannot write to one another",
+                    "GPUs that are connected (NVLink, or PCIe with peer access)", "use devices: 1");
+    }
+    const cudaError_t status = cudaDeviceEnablePeerAccess(device, 0);
+    if (status != cudaErrorPeerAccessAlreadyEnabled) return check(status, "reaching a device");
+    cudaGetLastError();  // it is no error
+  }
+
+  template <class Work>
+  auto on_first(const Work& work) const {
+    return devices_.on(0, [&] { return work(*ranks_[0]); });
+  }
+
+  std::function<void()> pause_point_;
+  DeviceTeam devices_;
+  Meeting meeting_;
+  std::vector<std::unique_ptr<CudaBlocks<T>>> ranks_;
+};
+
+template <class T>
+std::unique_ptr<Ensemble> make_blocks(const Model& model, const Scene& scene,
+                                      const SolverOptions& options, int tets_per_block, int members,
+                                      const std::string& name) {
+  if (options.devices > 1) {
+    return std::make_unique<BlocksTogether<T>>(model, scene, options, tets_per_block, name);
+  }
+  return std::make_unique<CudaBlocks<T>>(model, scene, options, tets_per_block, members, name);
+}
 
 }  // namespace
 
@@ -511,7 +703,7 @@ std::unique_ptr<Ensemble> make_cuda_blocks(const Model& model, const Scene& scen
                                            const SolverOptions& options, int members,
                                            const std::string& name) {
   // All blocks of a member run at once, one a multiprocessor, and those of all members if they can.
-  const int processors = device_attribute(cudaDevAttrMultiProcessorCount);
+  const int processors = options.devices * device_attribute(cudaDevAttrMultiProcessorCount);
   const auto tets_in_each_of = [&model](int blocks) {
     return (static_cast<int>(model.tet_count()) + blocks - 1) / blocks;
   };
@@ -519,11 +711,9 @@ std::unique_ptr<Ensemble> make_cuda_blocks(const Model& model, const Scene& scen
   const int wanted =
       options.block_tets > 0 ? options.block_tets : std::clamp(shared_out, min_block, max_wanted);
   const int tets_per_block = std::max(wanted, tets_in_each_of(processors));
-  if (options.precision == Precision::fp64) {
-    return std::make_unique<CudaBlocks<double>>(model, scene, options, tets_per_block, members,
-                                                name);
-  }
-  return std::make_unique<CudaBlocks<float>>(model, scene, options, tets_per_block, members, name);
+  const bool in_fp64 = options.precision == Precision::fp64;
+  return (in_fp64 ? make_blocks<double> : make_blocks<float>)(model, scene, options, tets_per_block,
+                                                              members, name);
 }
 
 }  // namespace viscera::sim

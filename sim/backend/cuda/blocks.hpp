@@ -6,6 +6,8 @@
 
 namespace viscera::sim {
 
+inline constexpr int most_devices = 16;  // that step one body together
+
 // `name` is the device's. All members have the values of `model` and `scene` at first. Blocks hold
 // options.block_tets tets, or as many more as it takes for all of a member's to run at once. Throws
 // Refusal(device).

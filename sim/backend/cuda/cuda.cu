@@ -15,6 +15,7 @@
 #include "sim/backend/cuda/memory.cuh"
 #include "sim/backend/cuda/viscous_step.cuh"
 #include "sim/backend/cuda/volume_bound.cuh"
+#include "sim/solvers/across_devices.hpp"
 #include "sim/solvers/xpbd/program.hpp"
 
 namespace viscera::sim {
@@ -447,7 +448,7 @@ CudaDevice find_cuda_device() {
   if (count == 0 || cudaGetDeviceProperties(&properties, 0) != cudaSuccess) {
     return {.why_not = "no device found"};
   }
-  return {.name = properties.name};
+  return {.name = properties.name, .count = count};
 }
 
 namespace {
@@ -478,21 +479,33 @@ std::unique_ptr<Ensemble> make_ensemble_on_cuda(const Model& model, const Scene&
                   "xpbd, pbd or tled; in blocks xpbd with one iteration a substep and no region",
                   "use another scheme, or device: cpu or auto");
   }
+  if (const int most = std::min(device.count, most_devices); options.devices > most) {
+    throw Refusal(Refusal::Cause::device, "devices", std::to_string(options.devices),
+                  "at most " + std::to_string(most) + ", of the " + std::to_string(device.count) +
+                      " that this machine has",
+                  "use fewer");
+  }
   const auto make_one = [&](const Model& own_model, const Scene& own_scene) {
     return in_blocks(options) ? std::make_unique<OnlyMember>(make_cuda_blocks(
                                     own_model, own_scene, options, 1, *device.name))
                               : make_by_kernels(own_model, own_scene, options, *device.name);
   };
-  const bool meets_itself = scene.has<SelfContact>();  // blocks: of one body alone
-  if (!in_blocks(options) || (meets_itself && members > 1)) {
+  // Blocks with self-contact, or on several devices, are of one body.
+  const bool alone = scene.has<SelfContact>() || options.devices > 1;
+  if (!in_blocks(options) || (alone && members > 1)) {
     return std::make_unique<Separately>(model, scene, members, tune, make_one);
   }
-  auto ensemble = make_cuda_blocks(model, scene, options, members, *device.name);
-  for (int member = 0; tune && member < members; ++member) {
-    const auto [own_model, own_scene] = tuned(model, scene, member, tune);
-    ensemble->retune(member, own_model, own_scene);
-  }
-  return ensemble;
+  const auto make_some = [&](int first, int count) {
+    auto ensemble = make_cuda_blocks(model, scene, options, count, *device.name);
+    for (int member = 0; tune && member < count; ++member) {
+      const auto [own_model, own_scene] = tuned(model, scene, first + member, tune);
+      ensemble->retune(member, own_model, own_scene);
+    }
+    return ensemble;
+  };
+  const int devices = std::min(device.count, members);
+  if (devices == 1) return make_some(0, members);
+  return std::make_unique<AcrossDevices>(devices, members, on_device, make_some);
 }
 
 }  // namespace viscera::sim

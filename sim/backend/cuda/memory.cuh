@@ -3,6 +3,7 @@
 
 #include <cuda_runtime.h>
 
+#include <functional>
 #include <span>
 #include <string>
 #include <utility>
@@ -30,6 +31,16 @@ inline int device_attribute(cudaDeviceAttr which) {
   int value = 0;
   check(cudaDeviceGetAttribute(&value, which, current_device()), "asking what the device has");
   return value;
+}
+
+// work() with another device; the calling thread then goes on with its own.
+inline void on_device(int device, const std::function<void()>& work) {
+  struct Back {
+    int device = current_device();
+    ~Back() { cudaSetDevice(device); }
+  } back;
+  check(cudaSetDevice(device), "going on with another device");
+  work();
 }
 
 // A solver's own order of things: solvers of several threads do not wait for one another.

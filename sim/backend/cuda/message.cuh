@@ -1,4 +1,5 @@
-// How a vertex's displacement travels from one thread block to another, without a barrier.
+// How a vertex's displacement travels from one thread block to another, on the same device or not,
+// without a barrier.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -15,13 +16,13 @@ struct alignas(16) Word {
 
   __device__ static void store(Word* to, Word word) {
     asm volatile(
-        "{ .reg .b128 w; mov.b128 w, {%1, %2}; st.relaxed.gpu.global.b128 [%0], w; }" ::"l"(to),
+        "{ .reg .b128 w; mov.b128 w, {%1, %2}; st.relaxed.sys.global.b128 [%0], w; }" ::"l"(to),
         "l"(word.low), "l"(word.high)
         : "memory");
   }
   __device__ static Word load(const Word* from) {
     Word word;
-    asm volatile("{ .reg .b128 w; ld.relaxed.gpu.global.b128 w, [%2]; mov.b128 {%0, %1}, w; }"
+    asm volatile("{ .reg .b128 w; ld.relaxed.sys.global.b128 w, [%2]; mov.b128 {%0, %1}, w; }"
                  : "=l"(word.low), "=l"(word.high)
                  : "l"(from)
                  : "memory");
