@@ -80,7 +80,7 @@ struct Frame {
   int first_local, end_local;    // of theirs
   int first_member;              // of the grid
   int contacts;                  // contact effects named
-  BlockContact<T> self_contact;  // of the only member; null: not named
+  BlockContact<T> self_contact;  // of the only member; count 0: not named
   BoundView<T> bound;
   bool pushes;  // whether the bound's first part acts within this launch
   int max_locals, max_shared, max_replicas, max_duals, max_gathered, max_table;  // of a block
