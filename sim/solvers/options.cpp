@@ -22,7 +22,8 @@ void check_options(const Scene& scene, const SolverOptions& options) {
   }
   if (options.devices < 1) refuse("devices", std::to_string(options.devices), "1 or more");
   if (options.devices > 1 && !in_blocks(options)) {
-    refuse("devices", std::to_string(options.devices), "1; several with scheme: block_gauss_seidel");
+    refuse("devices", std::to_string(options.devices),
+           "1; several with scheme: block_gauss_seidel");
   }
   if (!(options.stiffness >= 0.0 && options.stiffness <= 1.0)) {
     refuse("stiffness", std::to_string(options.stiffness), "0 to 1");

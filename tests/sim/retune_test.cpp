@@ -223,7 +223,7 @@ TEST(Ensemble, MembersOnACpuAreTheBodiesThatTuneMakes) {
 }
 
 // Whoever works on a device has entered it, and the caller stays with its own.
-TEST(Ensemble, AcrossDevicesEachMemberIsWhatItIsAlone) {
+TEST(Ensemble, OnTheThreadsOfSeveralDevicesEachMemberIsWhatItIsAlone) {
   static thread_local int entered = -1;
   const Model model = make_cube(1);
   const Tune tune = [](int member, Model& own, Scene&) {
