@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "sim/base/range.hpp"
 #include "sim/base/team.hpp"
 #include "sim/solvers/ensemble.hpp"
 
@@ -64,12 +65,11 @@ class AcrossDevices final : public Ensemble {
 
   AcrossDevices(int devices, int members, DeviceTeam::Enter enter, const Make& make)
       : members_(members), devices_(devices, std::move(enter)), parts_(devices) {
-    const auto first_of = [&](int device) {
-      return static_cast<int>(static_cast<long>(members) * device / devices);
-    };
-    for (int device = 0; device < devices; ++device) first_.push_back(first_of(device));
+    const auto members_on = [&](int device) { return part_of({0, members}, device, devices); };
+    for (int device = 0; device < devices; ++device) first_.push_back(members_on(device).begin);
     devices_.on_each([&](int device) {
-      parts_[device] = make(first_of(device), first_of(device + 1) - first_of(device));
+      const Range own = members_on(device);
+      parts_[device] = make(own.begin, own.end - own.begin);
     });
   }
 

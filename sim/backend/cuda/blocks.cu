@@ -305,16 +305,16 @@ class CudaBlocks final : public Ensemble {
   }
 
   void run_blocks_of(const Rank& rank) {
-    const std::int64_t all = layout_.block_count();
-    const auto first_of = [&](int device) { return static_cast<int>(all * device / rank.devices); };
-    frame_.first_block = first_of(rank.device);
-    frame_.blocks = first_of(rank.device + 1) - frame_.first_block;
+    const int all = layout_.block_count();
+    const Range own = part_of({0, all}, rank.device, rank.devices);
+    frame_.first_block = own.begin;
+    frame_.blocks = own.end - own.begin;
     if (frame_.blocks == 0) {
       throw Refusal(Refusal::Cause::device, "devices", std::to_string(rank.devices),
                     "at most " + std::to_string(all) + ", the blocks of this body", "use fewer");
     }
     frame_.first_local = layout_.locals_in(frame_.first_block).begin;
-    frame_.end_local = layout_.locals_in(frame_.first_block + frame_.blocks - 1).end;
+    frame_.end_local = layout_.locals_in(own.end - 1).end;
   }
 
   void make_state() {
