@@ -190,7 +190,6 @@ struct BlockVertices {
   const int* leader;  // [count] which motion effect leads the vertex, or -1; null: none does
   int count;
   int replicated;  // the first replicas: those of vertices with several, here or elsewhere
-  const Vec3<T>* pushed = nullptr;  // [count] m, by self-contact in this substep; null: none
 };
 
 // One of them, as it is worked on between two sweeps: read once.
@@ -259,9 +258,6 @@ SIM_HD Vec3<T> loaded_displacement(const BlockScene<T>& scene, const Step<T>& st
         d = Effect::target(view.device, x.rest[i], static_cast<T>(step.time)) - u;
     });
   }
-  if constexpr ((set & effect_set<SelfContact>) != 0) {
-    if (x.pushed) d += x.pushed[i];
-  }
   for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto& view, int k) {
     const Vec3<T> correction =
         now.is_free() ? Effect::push(view.device, step, x.rest[i], u, d) : Vec3<T>{};
@@ -320,15 +316,8 @@ SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const Bl
   Vec3<T>& first = x.d[now.replicas.begin].v;
   act_over(scene, x, now, rule.acts);
   const bool is_damped = !apart && now.is_free();
-  Vec3<T> from = is_damped ? longer * first + rule.share * now.last.u : now.without_forces(rule);
-  if constexpr ((set & effect_set<SelfContact>) != 0) {
-    // It moved the vertex without regard to rate forces.
-    if (is_damped && x.pushed && touches(x.pushed[i])) {
-      Vec3<T> damped = from - now.without_forces(rule);
-      take_back_along(x.pushed[i], damped);
-      from = now.without_forces(rule) + damped;
-    }
-  }
+  const Vec3<T> from =
+      is_damped ? longer * first + rule.share * now.last.u : now.without_forces(rule);
   const Vec3<T> d = loaded_displacement<set>(scene, step, x, i, now, from);
   if (!apart) {
     first = d;
@@ -342,9 +331,6 @@ SIM_HD void load_local(const BlockScene<T>& scene, const Step<T>& step, const Bl
       take_back_along(correction, damped);
       take_back_along(correction, x.rate_duals[replica]);
     };
-    if constexpr ((set & effect_set<SelfContact>) != 0) {
-      if (x.pushed) stop_along(x.pushed[i]);
-    }
     for_each_view<EffectKind::contact, set>(scene, [&]<class Effect>(const auto&, int k) {
       stop_along(x.corrections[k * x.count + i]);
     });

@@ -1,7 +1,7 @@
 // What self-contact does with one pair of a vertex and a triangle, for host and device; equations
-// in effects/self_contact.hpp. A Body offers `triangles`, and of a vertex start(v), where it is at
-// the start of the substep (m), motion(v), what it moves over it (m), mobility(v), its inverse mass
-// in any unit, and move(v, by).
+// in effects/self_contact.hpp. A Body offers `triangles` and `neighbours`, and of a vertex
+// start(v), where it is at the start of the substep (m), motion(v), what it moves over it (m),
+// mobility(v), its inverse mass in any unit, and move(v, by).
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "sim/effects/self_contact.hpp"
-#include "sim/model/surface.hpp"
+#include "sim/model/surface_pairs.hpp"
 
 namespace viscera::sim {
 
@@ -23,6 +23,8 @@ struct TouchingPair {
   int at[4];
   double share[4];  // 0: not moved, as pairs of one round may have it in common
   double apart;
+  double least;  // m, how far apart the substep is to end
+  double held;   // m, how far in any case: no nearer than it began
 };
 
 constexpr int contact_sweeps = 4;  // over all pairs that touch
@@ -58,8 +60,45 @@ SIM_HD SurfacePair pair_of(const Body& body, int vertex, int triangle) {
   return pair;
 }
 
+// Whether the vertex ends the substep nearer than `thickness` to an edge or a corner of the
+// triangle, outside of the prisms over all triangles that meet there; then `contact` says where.
 template <class Body>
-SIM_HD void prepare(const Body& body, TouchingPair& contact) {
+SIM_HD bool touch_beside(const Body& body, const SurfacePair& pair, int triangle, double thickness,
+                         Over& contact) {
+  const Vec3<double> x = pair.x + pair.dx;
+  Vec3<double> y[3];
+  for (int j = 0; j < 3; ++j) y[j] = pair.y[j] + pair.dy[j];
+  const OnTriangle nearest = nearest_with_weights(x, y[0], y[1], y[2]);
+  const Vec3<double> away = x - nearest.point;
+  const double distance = norm(away);
+  if (!(distance > 0.0 && distance < thickness)) return false;
+  if (!(dot(cross(y[1] - y[0], y[2] - y[0]), away) > 0.0)) return false;  // from inside
+  int ends[2] = {-1, -1}, count = 0;
+  for (int j = 0; j < 3; ++j) {
+    if (nearest.b[j] == 0.0) continue;
+    if (count == 2) return false;  // over the triangle
+    ends[count++] = body.triangles[triangle][j];
+  }
+  const bool outside = body.neighbours.all_of(ends[0], [&](int v) {
+    if (count == 2 && !body.neighbours.has(ends[1], v)) return true;
+    return dot(away, body.start(v) + body.motion(v) - nearest.point) <= 0.0;
+  });
+  if (outside) {
+    contact = {distance, (1.0 / distance) * away, {nearest.b[0], nearest.b[1], nearest.b[2]}};
+  }
+  return outside;
+}
+
+template <class Body>
+SIM_HD bool touch(const Body& body, int vertex, int triangle, double thickness, double reach,
+                  Over& contact) {
+  const SurfacePair pair = pair_of(body, vertex, triangle);
+  return touch(pair, thickness, reach, contact) ||
+         touch_beside(body, pair, triangle, thickness, contact);
+}
+
+template <class Body>
+SIM_HD void prepare(const Body& body, double thickness, TouchingPair& contact) {
   const double* const b = contact.over.b;
   Vec3<double> apart = body.start(contact.vertex);
   double mobility = body.mobility(contact.vertex);
@@ -70,6 +109,8 @@ SIM_HD void prepare(const Body& body, TouchingPair& contact) {
     mobility += b[j] * b[j] * body.mobility(v);
   }
   contact.apart = dot(contact.over.normal, apart);
+  contact.least = least_distance(contact.apart, thickness);
+  contact.held = contact.apart < thickness ? contact.apart : thickness;
   for (int k = 0; k < 4; ++k) {
     const double of_motion = k == 0 ? 1.0 : -b[k - 1];
     contact.share[k] = mobility > 0.0 ? of_motion * body.mobility(contact.at[k]) / mobility : 0.0;
@@ -93,8 +134,10 @@ SIM_HD void share_out(const Body& body, const TouchingPair& contact, const Vec3<
 }
 
 template <class Body>
-SIM_HD void keep_apart(const Body& body, TouchingPair& contact, double distance) {
+SIM_HD void keep_apart(const Body& body, TouchingPair& contact, int sweep) {
   const Vec3<double>& n = contact.over.normal;
+  // Last that which all pairs can have at once: what leads one apart may have led another together.
+  const double distance = sweep + 1 < contact_sweeps ? contact.least : contact.held;
   const double missing = distance - (contact.apart + dot(n, slide(body, contact)));
   if (!(missing > 0.0)) return;
   share_out(body, contact, missing * n);
@@ -140,7 +183,7 @@ SIM_HD Claim claim_of(int pair, int round) {
 // done on return; any(count, work), whether one of them is true; and lower(a, b), a = min(a, b).
 template <class Team, class Body>
 SIM_HD int keep_all_apart(const Team& team, const Body& body, TouchingPair* contacts, int count,
-                          double distance, int* round_of, Claim* holder) {
+                          int* round_of, Claim* holder) {
   constexpr int waits = -1;
   const auto for_each_moved = [contacts](int c, const auto& function) {
     for (int k = 0; k < 4; ++k) {
@@ -160,7 +203,7 @@ SIM_HD int keep_all_apart(const Team& team, const Body& body, TouchingPair* cont
       for_each_moved(c, [&](int v) { holds_all = holds_all && holder[v] == claim_of(c, rounds); });
       if (!holds_all) return true;
       round_of[c] = rounds;
-      keep_apart(body, contacts[c], distance);
+      keep_apart(body, contacts[c], 0);
       return false;
     });
   }
@@ -168,7 +211,7 @@ SIM_HD int keep_all_apart(const Team& team, const Body& body, TouchingPair* cont
   for (int sweep = 1; sweep < contact_sweeps; ++sweep) {
     for (int round = 0; round < rounds; ++round) {
       team.for_each(count, [&](int c) {
-        if (round_of[c] == round) keep_apart(body, contacts[c], distance);
+        if (round_of[c] == round) keep_apart(body, contacts[c], sweep);
       });
     }
   }

@@ -49,6 +49,24 @@ SurfacePairs::SurfacePairs(const Model& model, double thickness)
   }
   left_out_ = std::move(left_out);
   left_out_begin_ = std::move(left_out_begin);
+
+  std::vector<std::pair<int, int>> edges;  // both ways
+  for (const auto& [a, b, c] : triangles_) {
+    for (const auto& [from, to] : {std::pair(a, b), std::pair(b, c), std::pair(c, a)}) {
+      edges.emplace_back(from, to);
+      edges.emplace_back(to, from);
+    }
+  }
+  std::ranges::sort(edges);
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  neighbours_begin_.assign(model.vertex_count() + 1, 0);
+  for (const auto& [from, to] : edges) {
+    neighbours_.push_back(to);
+    neighbours_begin_[from + 1] = static_cast<int>(neighbours_.size());
+  }
+  for (std::size_t v = 0; v < model.vertex_count(); ++v) {
+    neighbours_begin_[v + 1] = std::max(neighbours_begin_[v], neighbours_begin_[v + 1]);
+  }
 }
 
 double SurfacePairs::mean_edge(const std::vector<Vec3<double>>& positions) const {

@@ -46,6 +46,24 @@ struct LeftOut {
   }
 };
 
+// The neighbours of vertices on the surface.
+struct Neighbours {
+  const int* vertices;  // vertex by vertex
+  const int* begin;     // [n + 1]
+
+  // function(neighbour) until one returns false; whether none has.
+  template <class Function>
+  SIM_HD bool all_of(int vertex, const Function& function) const {
+    for (int n = begin[vertex]; n < begin[vertex + 1]; ++n) {
+      if (!function(vertices[n])) return false;
+    }
+    return true;
+  }
+  SIM_HD bool has(int vertex, int other) const {
+    return !all_of(vertex, [other](int neighbour) { return neighbour != other; });
+  }
+};
+
 // The surface's vertices, sorted into the cells of a grid. All arrays are somebody else's.
 struct SurfaceGrid {
   using Key = std::uint64_t;  // of a cell; along z, cells follow one another
@@ -120,6 +138,8 @@ class SurfacePairs {
   const std::vector<int>& vertices() const { return vertices_; }  // of the surface, ascending
   const std::vector<int>& left_out() const { return left_out_; }
   const std::vector<int>& left_out_begin() const { return left_out_begin_; }
+  const std::vector<int>& neighbours() const { return neighbours_; }
+  const std::vector<int>& neighbours_begin() const { return neighbours_begin_; }
 
   // The mean edge of the surface's triangles, m; `positions` are those of all vertices.
   double mean_edge(const std::vector<Vec3<double>>& positions) const;
@@ -135,6 +155,7 @@ class SurfacePairs {
   std::vector<Triangle> triangles_;
   std::vector<int> vertices_;
   std::vector<int> left_out_, left_out_begin_;
+  std::vector<int> neighbours_, neighbours_begin_;
   std::vector<SurfaceGrid::Key> keys_;
   std::vector<int> placed_;
   double reach_ = 0.0, cell_ = 1.0;  // m

@@ -30,7 +30,7 @@ namespace viscera::sim {
 //                                       held: elsewhere solve_elements has them
 //   iterations(), solve_elements(i)     element and region effects, by the method's arithmetic and
 //                                       in the scheme's order
-//   push(effect), rub(effect)           of self-contact
+//   separate(effect)                    what a self-contact does
 //   bound_compression(), bound_corrections()   the corrections are null where there are none
 //   end(step)                           for_each_vertex of the last pass over all
 template <class Executor>
@@ -67,9 +67,7 @@ void substep(Executor& on) {
   on.template for_each_effect<EffectKind::motion>([&]<class Effect>(const auto& motion) {
     on.for_each_led(motion, Lead<Effect, T>{motion.device});
   });
-  // Out of what is touched, before the elements.
-  on.template for_each_effect<EffectKind::self_contact>(
-      [&]<class Effect>(auto& self_contact) { on.push(self_contact); });
+  // Out of obstacles, before the elements.
   on.template for_each_effect<EffectKind::contact>([&]<class Effect>(auto& contact) {
     on.for_each_vertex(Push<Effect, T>{contact.device, contact.correction});
   });
@@ -85,9 +83,10 @@ void substep(Executor& on) {
     on.for_each_vertex(RenewHeldForces<T>{on.renewed(), on.held(), on.added()});
   }
 
-  // Friction last: what sticks does not creep. Then what no vertex may do.
+  // Parts of the body off one another, by the motion that the elements have left. Friction last:
+  // what sticks does not creep. Then what no vertex may do.
   on.template for_each_effect<EffectKind::self_contact>(
-      [&]<class Effect>(auto& self_contact) { on.rub(self_contact); });
+      [&]<class Effect>(auto& self_contact) { on.separate(self_contact); });
   on.template for_each_effect<EffectKind::contact>([&]<class Effect>(const auto& contact) {
     on.for_each_vertex(Rub<Effect, T>{contact.device, contact.correction});
   });

@@ -23,59 +23,15 @@ class CpuSelfContact {
         thickness_(prepared.params.thickness),
         friction_(prepared.params.friction),
         starts_(rest_.size()),
-        found_at_(rest_.size()),
-        corrections_(rest_.size()) {}
+        found_at_(rest_.size()) {}
 
   template <class Effect>
   void retune(const Prepared<Effect, T>& prepared) {
     friction_ = prepared.params.friction;
   }
 
-  // By all of the team, before the elements: leads d out, and `keeps` by how much.
-  void push(Team& team, int rank, bool keeps, const std::vector<Row<T>>& u,
-            std::vector<Row<T>>& d) {
-    if (!keeps) return separate(team, rank, thickness_, contacts_, u, d);
-    const std::vector<int>& all = pairs_.vertices();
-    const Range mine = part_of({0, static_cast<int>(all.size())}, rank, team.size());
-    for (int k = mine.begin; k < mine.end; ++k) corrections_[all[k]] = d[all[k]].v;
-    separate(team, rank, thickness_, contacts_, u, d);
-    for (int k = mine.begin; k < mine.end; ++k) {
-      Vec3<T>& correction = corrections_[all[k]];
-      correction = d[all[k]].v - correction;
-    }
-    team.barrier();
-  }
-
-  // By all of the team, after the elements: friction, and what must be kept in any case.
-  void rub(Team& team, int rank, const std::vector<Row<T>>& u, std::vector<Row<T>>& d) {
-    if (rank == 0) {
-      for (const auto& contact : contacts_) resist_slide(body_of(u, d), contact, friction_);
-    }
-    team.barrier();
-    separate(team, rank, 0.5 * thickness_, last_, u, d);
-  }
-
-  // [n] m, by which push() has moved each vertex, where it was to keep that.
-  const Vec3<T>* corrections() const { return corrections_.data(); }
-  // Vertices that were held off a triangle in the last substep.
-  std::size_t count() const { return count_held(contacts_); }
-
- private:
-  struct Body {
-    const Triangle* triangles;
-    const Vec3<double>* rest;
-    const Row<T>* u;
-    Row<T>* d;
-
-    Vec3<double> start(int v) const { return rest[v] + cast<double>(u[v].v); }
-    Vec3<double> motion(int v) const { return cast<double>(d[v].v); }
-    double mobility(int v) const { return static_cast<double>(d[v].w); }
-    void move(int v, const Vec3<double>& by) const { d[v].v += cast<T>(by); }
-  };
-
-  // Finds what comes nearer than `distance`, into `contacts`, and moves it apart.
-  void separate(Team& team, int rank, double distance, std::vector<TouchingPair>& contacts,
-                const std::vector<Row<T>>& u, std::vector<Row<T>>& d) {
+  // By all of the team, after the elements: holds surfaces apart, and resists their slide.
+  void separate(Team& team, int rank, const std::vector<Row<T>>& u, std::vector<Row<T>>& d) {
     const Body body = body_of(u, d);
     if (rank == 0) {
       own_.resize(team.size());
@@ -86,14 +42,14 @@ class CpuSelfContact {
     }
     team.barrier();
     const Moved moved = look_for_candidates(team, rank, body);
-    const double reach = contact_reach(distance, moved.now);
+    const double reach = contact_reach(thickness_, moved.now);
     const double reached_then = reach + 2.0 * moved.since;
     own_[rank].clear();
     for (const auto& [then, triangle, vertex] : candidates_[rank]) {
       if (then > reached_then) break;
       TouchingPair contact{vertex, triangle, {}, 0.0};
-      if (!touch(pair_of(body, vertex, triangle), distance, reach, contact.over)) continue;
-      prepare(body, contact);
+      if (!touch(body, vertex, triangle, thickness_, reach, contact.over)) continue;
+      prepare(body, thickness_, contact);
       own_[rank].push_back(contact);
     }
     std::ranges::sort(own_[rank], {}, [](const TouchingPair& pair) {
@@ -101,17 +57,36 @@ class CpuSelfContact {
     });
     team.barrier();
     if (rank == 0) {
-      contacts.clear();
-      for (const auto& part : own_) contacts.insert(contacts.end(), part.begin(), part.end());
+      contacts_.clear();
+      for (const auto& part : own_) contacts_.insert(contacts_.end(), part.begin(), part.end());
       for (int sweep = 0; sweep < contact_sweeps; ++sweep) {
-        for (auto& contact : contacts) keep_apart(body, contact, distance);
+        for (auto& contact : contacts_) keep_apart(body, contact, sweep);
       }
+      for (const auto& contact : contacts_) resist_slide(body, contact, friction_);
     }
     team.barrier();
   }
 
+  // Vertices that were held off a triangle in the last substep.
+  std::size_t count() const { return count_held(contacts_); }
+
+ private:
+  struct Body {
+    const Triangle* triangles;
+    Neighbours neighbours;
+    const Vec3<double>* rest;
+    const Row<T>* u;
+    Row<T>* d;
+
+    Vec3<double> start(int v) const { return rest[v] + cast<double>(u[v].v); }
+    Vec3<double> motion(int v) const { return cast<double>(d[v].v); }
+    double mobility(int v) const { return static_cast<double>(d[v].w); }
+    void move(int v, const Vec3<double>& by) const { d[v].v += cast<T>(by); }
+  };
+
   Body body_of(const std::vector<Row<T>>& u, std::vector<Row<T>>& d) const {
-    return {pairs_.triangles().data(), rest_.data(), u.data(), d.data()};
+    const Neighbours neighbours{pairs_.neighbours().data(), pairs_.neighbours_begin().data()};
+    return {pairs_.triangles().data(), neighbours, rest_.data(), u.data(), d.data()};
   }
 
   struct Candidate {
@@ -178,11 +153,10 @@ class CpuSelfContact {
   double margin_ = 0.0;                 // m; 0: candidates were never looked for
   std::vector<Vec3<double>> starts_;    // [n] of the surface's vertices, in this substep, m
   std::vector<Vec3<double>> found_at_;  // [n] where candidates were found, m
-  std::vector<Vec3<T>> corrections_;
   std::vector<std::vector<Candidate>> candidates_;  // [threads] of its triangles
   std::vector<Moved> moved_;                        // [threads]
   std::vector<std::vector<TouchingPair>> own_;      // [threads] of its triangles
-  std::vector<TouchingPair> contacts_, last_;  // of this substep, before and after the elements
+  std::vector<TouchingPair> contacts_;              // of this substep
 };
 
 }  // namespace viscera::sim

@@ -289,15 +289,10 @@ class CpuSubstep {
   }
 
   template <class Effect>
-  void push(OnCpu<Effect, T, EffectKind::self_contact>& own) {
+  void separate(OnCpu<Effect, T, EffectKind::self_contact>& own) {
     took(CpuBody<T>::step_part);
     body_.team.barrier();
-    own.push(body_.team, rank_, damps_in_replicas(), body_.u, body_.d);
-    took(Effects::index_of<Effect>());
-  }
-  template <class Effect>
-  void rub(OnCpu<Effect, T, EffectKind::self_contact>& own) {
-    own.rub(body_.team, rank_, body_.u, body_.d);
+    own.separate(body_.team, rank_, body_.u, body_.d);
     took(Effects::index_of<Effect>());
   }
 
@@ -491,8 +486,6 @@ class CpuSubstep {
       };
       for_each_effect<EffectKind::contact>(
           [&]<class Effect>(const auto& contact) { stop_along(contact.correction[v]); });
-      for_each_effect<EffectKind::self_contact>(
-          [&]<class Effect>(const auto& own) { stop_along(own.corrections()[v]); });
     });
   }
 

@@ -1,8 +1,5 @@
-// Self-contact (cuda/self_contact.cuh) within a frame in blocks: twice a substep all blocks meet.
-// Before the elements vertices are led to where they would go without rate forces and obstacles,
-// and pairs are moved apart there; each block adds what that has moved its vertices
-// (loaded_displacement in block_step.hpp). After them friction and the least distance act on where
-// the substep has ended.
+// Self-contact (cuda/self_contact.cuh) within a frame in blocks: once a substep, after the
+// elements, all blocks meet, and surfaces are held apart where the substep has ended.
 #pragma once
 
 #include <vector>
@@ -12,18 +9,15 @@
 
 namespace viscera::sim {
 
-inline constexpr EffectSet leading =
-    effects_of_kind<EffectKind::force>() | effects_of_kind<EffectKind::motion>();
-
 // The surface of a whole body, as its blocks see it.
 template <class T>
 struct BlockContact {
   const SelfContactView<T>* items;
   int count;
-  const int* vertex_of;      // [locals]
-  const int* first_local;    // [vertices] the local vertex that speaks for it
-  Vec3<T>*u, *d, *d_before;  // [vertices] m; d_before: before pairs are moved apart
-  Vec3<T>* pushed;           // [locals] m, by this substep's push
+  const int* vertex_of;    // [locals]
+  const int* first_local;  // [vertices] the local vertex that speaks for it
+  // [vertices] m: at the start of the substep, over it, and before pairs are moved apart
+  Vec3<T>*u, *d, *d_before;
 };
 
 // function(i, vertex) for the vertices that the block speaks for, of which `first` is the first.
@@ -35,42 +29,26 @@ __device__ void for_each_spoken_for(const BlockContact<T>& contact, int first, i
     if (contact.first_local[vertex] == first + i) function(i, vertex);
   }
 }
+// At the start of a substep; `first` is the block's first local vertex.
 template <class T>
-__device__ Vec3<T> moved_apart(const BlockContact<T>& contact, int local) {
-  const int vertex = contact.vertex_of[local];
-  return contact.d[vertex] - contact.d_before[vertex];
+__device__ void note_start(const BlockContact<T>& contact, const BlockVertices<T>& x, int first) {
+  for_each_spoken_for(contact, first, x.count,
+                      [&](int i, int vertex) { contact.u[vertex] = VertexNow<T>(x, i).u.v; });
 }
 
-// Before a substep's elements, all blocks together; `first` is the block's first local vertex.
-template <EffectSet set, class T>
-__device__ __noinline__ void push_surface(const BlockContact<T>& contact,
-                                          const BlockScene<T>& scene, const Step<T>& step,
-                                          const BlockVertices<T>& x, int first, int* room) {
-  for_each_spoken_for(contact, first, x.count, [&](int i, int vertex) {
-    const VertexNow<T> now(x, i);
-    contact.u[vertex] = now.u.v;
-    contact.d[vertex] = contact.d_before[vertex] =
-        loaded_displacement<set & leading>(scene, step, x, i, now, now.without_forces(scene.rule));
-  });
-  cooperative_groups::this_grid().sync();
-  for (int k = 0; k < contact.count; ++k) push_surface(contact.items[k], room);
-  for (int i = static_cast<int>(threadIdx.x); i < x.count; i += static_cast<int>(blockDim.x)) {
-    contact.pushed[first + i] = moved_apart(contact, first + i);
-  }
-  __syncthreads();
-}
-
-// After them.
+// After its elements, all blocks together.
 template <class T>
-__device__ __noinline__ void rub_surface(const BlockContact<T>& contact, const TimeRule<T>& rule,
-                                         const BlockVertices<T>& x, int first, int* room) {
+__device__ __noinline__ void separate_in_blocks(const BlockContact<T>& contact,
+                                                const TimeRule<T>& rule, const BlockVertices<T>& x,
+                                                int first, int* room) {
   for_each_spoken_for(contact, first, x.count, [&](int i, int vertex) {
     contact.d[vertex] = contact.d_before[vertex] = rule.way(x.v[i], x.last[i]);
   });
   cooperative_groups::this_grid().sync();
-  for (int k = 0; k < contact.count; ++k) rub_surface(contact.items[k], room);
+  for (int k = 0; k < contact.count; ++k) separate(contact.items[k], room);
   for (int i = static_cast<int>(threadIdx.x); i < x.count; i += static_cast<int>(blockDim.x)) {
-    const Vec3<T> moved = moved_apart(contact, first + i);
+    const int vertex = contact.vertex_of[first + i];
+    const Vec3<T> moved = contact.d[vertex] - contact.d_before[vertex];
     if (!touches(moved)) continue;
     VertexNow<T> now(x, i);
     rule.move(moved, now.u.v, now.v, now.last);
@@ -89,7 +67,6 @@ class CudaBlockContact {
         u_(vertices_),
         d_(vertices_),
         d_before_(vertices_),
-        pushed_(layout.locals().size()),
         inverse_mass_(program.inverse_mass) {
     for_each_slot<EffectKind::self_contact>(program.effects, [this]<class Effect>(const auto& one) {
       contacts_.emplace_back(one.pairs, one.rest, one.params);
@@ -107,15 +84,14 @@ class CudaBlockContact {
       bytes += CudaSelfContact<T>::bytes(one.pairs, vertices);
     });
     if (bytes == 0) return 0;
-    return bytes + vertices * (3 * sizeof(Vec3<T>) + sizeof(T)) +
-           locals * (sizeof(Vec3<T>) + sizeof(int));
+    return bytes + vertices * (3 * sizeof(Vec3<T>) + sizeof(T)) + locals * sizeof(int);
   }
 
   BlockContact<T> view() const {
     return {views_.get(),     static_cast<int>(contacts_.size()),
             vertex_of_.get(), first_local_,
             u_.get(),         d_.get(),
-            d_before_.get(),  pushed_.get()};
+            d_before_.get()};
   }
   // Afterwards the view is another.
   void retune(const Program<T>& program) {
@@ -149,7 +125,6 @@ class CudaBlockContact {
   std::size_t vertices_;
   const int* first_local_;                 // [vertices]
   DeviceArray<Vec3<T>> u_, d_, d_before_;  // [vertices] m
-  DeviceArray<Vec3<T>> pushed_;            // [locals] m
   DeviceArray<T> inverse_mass_;            // [vertices] 1/kg
   DeviceArray<int> vertex_of_;             // [locals]
   DeviceArray<SelfContactView<T>> views_;  // of contacts_

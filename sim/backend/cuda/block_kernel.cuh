@@ -272,8 +272,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
                            own.share,
                            frame.leader ? frame.leader + first : nullptr,
                            count,
-                           frame.replicated[block],
-                           frame.self_contact.pushed + (frame.self_contact.count > 0 ? first : 0)};
+                           frame.replicated[block]};
   const BlockScene<T> scene = scene_of_block<set>(frame, static_cast<int>(member), block, own);
   const unsigned long long done = frame.done + frame.ahead[member];
   const auto step_at = [&frame, &scene, done](int substep) {
@@ -330,7 +329,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
   for (int substep = 0; substep < frame.substeps; ++substep) {
     if constexpr (has_self_contact) {
       if (folds) {
-        push_surface<set>(frame.self_contact, scene, step_at(substep), x, first, own.room);
+        note_start(frame.self_contact, x, first);
         for (int i = lane; i < count; i += lanes) {
           begin_local<set>(scene, step_at(substep), x, i, VertexNow<T>(x, i));
         }
@@ -387,7 +386,7 @@ __global__ void __launch_bounds__(max_threads, single_block ? 2 : 1)
     __syncwarp();  // lanes that waited and lanes that did not go on as one
     __syncthreads();
     if constexpr (has_self_contact) {
-      if (folds) rub_surface(frame.self_contact, scene.rule, x, first, own.room);
+      if (folds) separate_in_blocks(frame.self_contact, scene.rule, x, first, own.room);
     }
   }
   for (int k = lane; k < count; k += lanes) {

@@ -333,12 +333,8 @@ class CudaSolver final : public Solver {
     }
 
     template <class SelfContact>
-    void push(const SelfContact& effect) const {
-      effect.enqueue_push(s_.stream_, s_.u_.get(), s_.d_.get(), s_.inverse_mass_.get());
-    }
-    template <class SelfContact>
-    void rub(const SelfContact& effect) const {
-      effect.enqueue_rub(s_.stream_, s_.u_.get(), s_.d_.get(), s_.inverse_mass_.get());
+    void separate(const SelfContact& effect) const {
+      effect.enqueue(s_.stream_, s_.u_.get(), s_.d_.get(), s_.inverse_mass_.get());
     }
     void bound_compression() const {
       s_.volume_bound_.enqueue(s_.stream_, s_.u_.get(), s_.d_.get(), s_.inverse_mass_.get(),

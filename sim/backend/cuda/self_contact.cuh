@@ -1,10 +1,10 @@
 // Self-contact on a device. Candidates are kept as on the CPU (backend/self_contact_step.hpp) and
 // found anew, by the device alone, where a vertex has moved too far for them: a group of vertices
 // has a box, and a warp a triangle. A substep asks all candidates whether they touch, and one
-// thread block moves those that do apart, in rounds. Candidates and pairs are in the order of their
-// triangles and vertices: results do not depend on which thread came first. All of it is done by a
-// grid whose thread blocks run at once and meet in between: one of its own, or that of a frame in
-// blocks (cuda/block_contact.cuh).
+// thread block moves those that do apart and resists their slide, in rounds. Candidates and pairs
+// are in the order of their triangles and vertices: results do not depend on which thread came
+// first. All of it is done by a grid whose thread blocks run at once and meet in between: one of
+// its own, or that of a frame in blocks (cuda/block_contact.cuh).
 #pragma once
 
 #include <cooperative_groups/reduce.h>
@@ -24,6 +24,7 @@ namespace viscera::sim {
 template <class T>
 struct ContactBody {
   const Triangle* triangles;
+  Neighbours neighbours;
   const Vec3<double>* rest;  // m
   const Vec3<T>* u;          // m
   Vec3<T>* d;                // m
@@ -35,12 +36,11 @@ struct ContactBody {
   SIM_HD void move(int v, const Vec3<double>& by) const { d[v] += cast<T>(by); }
 };
 
-// The pairs of one pass, on the device.
+// The pairs that touch in a substep, on the device.
 struct ContactList {
   TouchingPair* pairs;  // [capacity]
   int* count;           // [1]
   int* round_of;        // [capacity]
-  int* rounds;          // [1]
   int capacity;
 };
 
@@ -132,7 +132,7 @@ struct SelfContactView {
   int* touching;                          // [candidates] which touch: each warp lists its part
   int *touching_counts, *touching_begin;  // [warps]
   Claim* holder;                          // [n]
-  ContactList push, rub;                  // before and after the elements
+  ContactList list;
 };
 
 template <class T>
@@ -283,15 +283,16 @@ __device__ inline int share_of_warp(int candidates) {
 
 // Not inlined, so that who asks and who lists finds the same, to the rounding.
 template <class T>
-__device__ __noinline__ bool touch_in_step(const ContactBody<T>& body, double distance,
+__device__ __noinline__ bool touch_in_step(const ContactBody<T>& body, double thickness,
                                            double reach, TouchingPair& pair) {
-  return touch(pair_of(body, pair.vertex, pair.triangle), distance, reach, pair.over);
+  return touch(body, pair.vertex, pair.triangle, thickness, reach, pair.over);
 }
 
 // Which candidates touch.
 template <class T>
-__device__ void ask_candidates(const SelfContactView<T>& contact, double distance) {
-  const double reach = contact_reach(distance, ContactSurface::length(contact.search->now));
+__device__ void ask_candidates(const SelfContactView<T>& contact) {
+  const double thickness = contact.surface.thickness;
+  const double reach = contact_reach(thickness, ContactSurface::length(contact.search->now));
   const int all = listed(contact.surface, *contact.search), share = share_of_warp(all);
   const int lane = static_cast<int>(threadIdx.x) % one_warp;
   const int begin = global_warp() * share, end = min(begin + share, all);
@@ -301,7 +302,7 @@ __device__ void ask_candidates(const SelfContactView<T>& contact, double distanc
     bool touches = false;
     if (c < end) {
       TouchingPair pair{contact.candidates[c].vertex, contact.candidates[c].triangle, {}, 0.0};
-      touches = touch_in_step(contact.body, distance, reach, pair);
+      touches = touch_in_step(contact.body, thickness, reach, pair);
     }
     const unsigned touching = __ballot_sync(~0u, touches);
     if (touches) contact.touching[begin + found + __popc(touching & ((1u << lane) - 1u))] = c;
@@ -310,13 +311,14 @@ __device__ void ask_candidates(const SelfContactView<T>& contact, double distanc
   if (lane == 0) contact.touching_counts[global_warp()] = found;
 }
 
-// Lists what touches in the order of the candidates, and moves it apart. By one thread block.
+// Lists what touches in the order of the candidates, moves it apart and resists its slide. By one
+// thread block.
 template <class T>
-__device__ void move_pairs_apart(const SelfContactView<T>& contact, double distance,
-                                 const ContactList& list, int* room) {
+__device__ void move_pairs_apart(const SelfContactView<T>& contact, int* room) {
   const ContactSurface& surface = contact.surface;
+  const ContactList& list = contact.list;
   ContactSearch& search = *contact.search;
-  const double reach = contact_reach(distance, surface.length(search.now));
+  const double reach = contact_reach(surface.thickness, surface.length(search.now));
   const int share = share_of_warp(listed(surface, search)), warps = warps_of_grid();
   const int threads = static_cast<int>(blockDim.x);
   int* const begin = contact.touching_begin;
@@ -346,62 +348,38 @@ __device__ void move_pairs_apart(const SelfContactView<T>& contact, double dista
     const Candidate& candidate =
         contact.candidates[contact.touching[warp * share + p - begin[warp]]];
     list.pairs[p] = {candidate.vertex, candidate.triangle, {}, 0.0};
-    touch_in_step(contact.body, distance, reach, list.pairs[p]);
-    prepare(contact.body, list.pairs[p]);
+    touch_in_step(contact.body, surface.thickness, reach, list.pairs[p]);
+    prepare(contact.body, surface.thickness, list.pairs[p]);
   }
   __syncthreads();
-  const int rounds = keep_all_apart(ContactTeam{}, contact.body, list.pairs, count, distance,
-                                    list.round_of, contact.holder);
-  if (threadIdx.x == 0) *list.rounds = rounds;
+  const ContactTeam team;
+  const int rounds =
+      keep_all_apart(team, contact.body, list.pairs, count, list.round_of, contact.holder);
+  if (!(contact.friction > 0.0)) return;
+  resist_all_slides(team, contact.body, list.pairs, count, contact.friction, list.round_of, rounds);
 }
 
-// Finds what comes nearer than `distance`, into `list`, and moves it apart.
+// Holds surfaces apart after the elements.
 template <class T>
-__device__ __noinline__ void separate(const SelfContactView<T>& contact, double distance,
-                                      const ContactList& list, int* room) {
+__device__ __noinline__ void separate(const SelfContactView<T>& contact, int* room) {
   const auto grid = cooperative_groups::this_grid();
   measure_motion(contact);
   grid.sync();
   if (!contact.surface.is_known(*contact.search)) find_candidates(contact, room);
-  ask_candidates(contact, distance);
+  ask_candidates(contact);
   grid.sync();
-  if (blockIdx.x == 0) move_pairs_apart(contact, distance, list, room);
+  if (blockIdx.x == 0) move_pairs_apart(contact, room);
   grid.sync();
-}
-
-// Before the elements: leads d out.
-template <class T>
-__device__ void push_surface(const SelfContactView<T>& contact, int* room) {
-  separate(contact, contact.surface.thickness, contact.push, room);
-}
-// After the elements: friction, and what must be kept in any case.
-template <class T>
-__device__ void rub_surface(const SelfContactView<T>& contact, int* room) {
-  const ContactList& list = contact.push;
-  if (contact.friction > 0.0) {
-    if (blockIdx.x == 0 && *list.count <= list.capacity) {
-      resist_all_slides(ContactTeam{}, contact.body, list.pairs, *list.count, contact.friction,
-                        list.round_of, *list.rounds);
-    }
-    cooperative_groups::this_grid().sync();
-  }
-  separate(contact, 0.5 * contact.surface.thickness, contact.rub, room);
 }
 
 inline constexpr int contact_threads = 512;
 
-// Cooperative launches.
+// A cooperative launch.
 template <class T>
 __global__ void __launch_bounds__(contact_threads)
-    push_surface_apart(const __grid_constant__ SelfContactView<T> contact) {
+    separate_surface(const __grid_constant__ SelfContactView<T> contact) {
   __shared__ int room[room_for_sums];
-  push_surface(contact, room);
-}
-template <class T>
-__global__ void __launch_bounds__(contact_threads)
-    rub_surface_apart(const __grid_constant__ SelfContactView<T> contact) {
-  __shared__ int room[room_for_sums];
-  rub_surface(contact, room);
+  separate(contact, room);
 }
 
 template <class T>
@@ -415,6 +393,8 @@ class CudaSelfContact {
         triangles_(pairs.triangles()),
         left_out_(pairs.left_out()),
         left_out_begin_(pairs.left_out_begin()),
+        neighbours_(pairs.neighbours()),
+        neighbours_begin_(pairs.neighbours_begin()),
         vertices_(pairs.vertices()),
         rest_(rest),
         found_at_(rest.size()),
@@ -427,20 +407,19 @@ class CudaSelfContact {
         touching_begin_(touching_counts_.size()),
         search_(1),
         holder_(std::vector<Claim>(rest.size(), unclaimed)),
-        push_(pairs),
-        rub_(pairs) {
+        list_(pairs) {
     const int wanted = (triangle_count() * one_warp + contact_threads - 1) / contact_threads;
     blocks_ = std::min(wanted, device_attribute(cudaDevAttrMultiProcessorCount));
   }
 
   // Of a body with this many vertices in all.
   static std::size_t bytes(const SurfacePairs& pairs, std::size_t vertices) {
-    return vertices * (2 * sizeof(Vec3<double>) + sizeof(Claim)) +
+    return vertices * (2 * sizeof(Vec3<double>) + sizeof(Claim) + sizeof(int)) +
            pairs.vertices().size() * (sizeof(int) + sizeof(Bounds) / one_warp) +
            pairs.triangles().size() * (sizeof(Triangle) + 3 * sizeof(int)) +
-           pairs.left_out().size() * sizeof(int) +
+           (pairs.left_out().size() + pairs.neighbours().size()) * sizeof(int) +
            candidates_in(pairs) * (sizeof(Candidate) + sizeof(int)) +
-           2 * capacity_of(pairs) * (sizeof(TouchingPair) + sizeof(int));
+           capacity_of(pairs) * (sizeof(TouchingPair) + sizeof(int));
   }
 
   void retune(const SelfContact::Params& params) { friction_ = params.friction; }
@@ -458,7 +437,7 @@ class CudaSelfContact {
                                     edge_,
                                     static_cast<int>(candidates_.size())};
     return {surface,
-            {triangles_.get(), rest_.get(), u, d, w},
+            {triangles_.get(), {neighbours_.get(), neighbours_begin_.get()}, rest_.get(), u, d, w},
             friction_,
             search_.get(),
             counts_.get(),
@@ -468,50 +447,47 @@ class CudaSelfContact {
             touching_counts_.get(),
             touching_begin_.get(),
             holder_.get(),
-            push_.view(),
-            rub_.view()};
+            list_.view()};
   }
-  // In launches of its own.
-  void enqueue_push(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* w) const {
-    enqueue(stream, push_surface_apart<T>, view(u, d, w));
-  }
-  void enqueue_rub(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* w) const {
-    enqueue(stream, rub_surface_apart<T>, view(u, d, w));
+  // In a launch of its own.
+  void enqueue(cudaStream_t stream, const Vec3<T>* u, Vec3<T>* d, const T* w) const {
+    SelfContactView<T> contact = view(u, d, w);
+    void* arguments[] = {&contact};
+    check(cudaLaunchCooperativeKernel(separate_surface<T>, dim3(blocks_), dim3(contact_threads),
+                                      arguments, 0, stream),
+          "moving a surface apart");
   }
 
   // Throws Diverged when more pairs touched, or were near, than there is room for.
   void check_room() const {
     const ContactSearch search = search_.download()[0];
-    if (!search.has_overrun && search.most <= push_.capacity) return;
+    if (!search.has_overrun && search.most <= list_.capacity) return;
     throw Diverged("self-contact: more than " +
                    (search.has_overrun
                         ? std::to_string(candidates_.size()) + " pairs are near one another"
-                        : std::to_string(push_.capacity) + " pairs touch at once") +
+                        : std::to_string(list_.capacity) + " pairs touch at once") +
                    ": flown apart, or too many for a device (device: cpu)");
   }
   // Of a state that is set, no pair has touched.
   void forget() { search_.clear(0, 1); }
 
   std::size_t count() const {
-    const int pairs = push_.count.download()[0];
-    return count_held(push_.pairs.download(0, std::min(pairs, push_.capacity)));
+    const int pairs = list_.count.download()[0];
+    return count_held(list_.pairs.download(0, std::min(pairs, list_.capacity)));
   }
 
  private:
   struct List {
     int capacity;
     DeviceArray<TouchingPair> pairs;
-    DeviceArray<int> count, round_of, rounds;
+    DeviceArray<int> count, round_of;
 
     explicit List(const SurfacePairs& surface)
         : capacity(static_cast<int>(capacity_of(surface))),
           pairs(capacity),
           count(1),
-          round_of(capacity),
-          rounds(1) {}
-    ContactList view() const {
-      return {pairs.get(), count.get(), round_of.get(), rounds.get(), capacity};
-    }
+          round_of(capacity) {}
+    ContactList view() const { return {pairs.get(), count.get(), round_of.get(), capacity}; }
   };
 
   // A vertex lies over one triangle of each sheet that it touches, or two at a seam.
@@ -530,18 +506,11 @@ class CudaSelfContact {
   }
   int triangle_count() const { return static_cast<int>(triangles_.size()); }
 
-  void enqueue(cudaStream_t stream, void (*kernel)(SelfContactView<T>),
-               SelfContactView<T> contact) const {
-    void* arguments[] = {&contact};
-    check(cudaLaunchCooperativeKernel(kernel, dim3(blocks_), dim3(contact_threads), arguments, 0,
-                                      stream),
-          "moving a surface apart");
-  }
-
   double thickness_, friction_;
   double edge_;  // the mean of the surface, m
   DeviceArray<Triangle> triangles_;
   DeviceArray<int> left_out_, left_out_begin_;
+  DeviceArray<int> neighbours_, neighbours_begin_;
   DeviceArray<int> vertices_;           // of the surface, ascending
   DeviceArray<Vec3<double>> rest_;      // [n] m
   DeviceArray<Vec3<double>> found_at_;  // [n] m
@@ -552,8 +521,8 @@ class CudaSelfContact {
   DeviceArray<int> touching_counts_, touching_begin_;  // [warps that run at once]
   DeviceArray<ContactSearch> search_;                  // [1]
   DeviceArray<Claim> holder_;                          // [n]
-  List push_, rub_;                                    // before and after the elements
-  int blocks_;                                         // of a launch of its own
+  List list_;
+  int blocks_;  // of a launch of its own
 };
 
 }  // namespace viscera::sim

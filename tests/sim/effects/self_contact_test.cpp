@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <numeric>
+#include <optional>
 
 #include "sim/backend/self_contact_step.hpp"
 #include "sim/model/surface_pairs.hpp"
@@ -151,6 +152,137 @@ TEST(SelfContact, FrictionBetweenPiecesSticksBelowItsAngle) {
   EXPECT_NEAR(speed_after(mu, slope, 0.15), expected, 0.1 * expected);
 }
 
+struct LooseBody {
+  const Triangle* triangles;
+  Neighbours neighbours;
+  const std::vector<Vec3<double>>& rest;
+  std::vector<Vec3<double>>& d;
+  const std::vector<double>& w;
+
+  Vec3<double> start(int v) const { return rest[v]; }
+  Vec3<double> motion(int v) const { return d[v]; }
+  double mobility(int v) const { return w[v]; }
+  void move(int v, const Vec3<double>& by) const { d[v] += by; }
+};
+
+// A roof whose ridge lies along y at z = 0, with sides that fall by 60 degrees, and one vertex.
+struct Roof {
+  const std::vector<Triangle> triangles = {{0, 1, 2}, {1, 0, 3}};
+  std::vector<Vec3<double>> at = {
+      {0, 0.01, 0}, {0, 0, 0}, {0.01, 0, -0.0173}, {-0.01, 0, -0.0173}, {}};
+  std::vector<Vec3<double>> d = std::vector<Vec3<double>>(5);
+  const std::vector<double> w = std::vector<double>(5, 1.0);
+  const std::vector<int> neighbours = {1, 2, 3, 0, 2, 3, 0, 1, 0, 1}, begin = {0, 3, 6, 8, 10, 10};
+
+  // Where the vertex at x touches, with a thickness of 1 mm.
+  std::optional<Over> touches(const Vec3<double>& x, int triangle) {
+    at[4] = x;
+    const LooseBody body{triangles.data(), {neighbours.data(), begin.data()}, at, d, w};
+    Over contact;
+    if (!touch(body, 4, triangle, 1e-3, 3e-3, contact)) return {};
+    return contact;
+  }
+};
+
+TEST(SelfContact, BesideARidgeAVertexStaysOffTheEdgeAndOverASideOffThatAlone) {
+  Roof roof;
+  for (const int triangle : {0, 1}) {
+    const auto over = roof.touches({0.0002, 0.004, 0.0006}, triangle);
+    ASSERT_TRUE(over);
+    EXPECT_NEAR(over->height, std::hypot(0.0002, 0.0006), 1e-15);
+    EXPECT_LT(norm(over->normal - (1.0 / over->height) * Vec3<double>{0.0002, 0.0, 0.0006}), 1e-12);
+    for (int j = 0; j < 3; ++j) {
+      const int v = roof.triangles[triangle][j];
+      EXPECT_NEAR(over->b[j], v == 0 ? 0.4 : v == 1 ? 0.6 : 0.0, 1e-12);
+    }
+    EXPECT_FALSE(roof.touches({0.0, 0.004, 0.0011}, triangle)) << "farther than the thickness";
+    EXPECT_FALSE(roof.touches({0.0, 0.004, -0.004}, triangle)) << "in the tissue";
+  }
+  const Vec3<double> over_the_first = {0.0017, 0.004, -0.0020};
+  ASSERT_TRUE(roof.touches(over_the_first, 0));
+  EXPECT_GT(roof.touches(over_the_first, 0)->b[2], 0.05);
+  EXPECT_FALSE(roof.touches(over_the_first, 1));
+}
+
+Model one_tet(const std::vector<Vec3<double>>& corners) {
+  const auto& [a, b, c, d] = std::tie(corners[0], corners[1], corners[2], corners[3]);
+  const bool turned = dot(cross(b - a, c - a), d - a) < 0.0;
+  const std::vector<Tet> tets = {turned ? Tet{0, 2, 1, 3} : Tet{0, 1, 2, 3}};
+  return make_model(corners, tets, std::vector<int>{1}, {{1, soft_tissue}});
+}
+
+// A tet that stands on its tip falls on the ridge of a cube that is held.
+TEST(SelfContact, ATipThatFallsOnARidgeStaysAboveIt) {
+  Model base = make_box({0.02, 0.02, 0.02}, {2, 2, 2}, soft_tissue);
+  const double root = std::sqrt(0.5);
+  for (auto& x : base.rest) x = {root * (x.x + x.z), x.y, root * (x.z - x.x)};
+  base.origin = {};
+  const double ridge = 0.01 * std::sqrt(2.0);
+  const std::vector<Vec3<double>> tip = {{0.0, 0.0013, ridge + 0.003},
+                                         {0.005, -0.003, ridge + 0.013},
+                                         {-0.005, -0.003, ridge + 0.013},
+                                         {0.0, 0.006, ridge + 0.013}};
+  const Model tet = one_tet(tip);
+  Model model = assembled({base, tet}, soft_tissue, [](const Vec3<double>&) { return true; });
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    model.fixed[i] = place(model, i).z < ridge + 0.001;
+  }
+  Scene scene = folding_scene(true);
+  scene.params<SelfContact>().front().friction = 1.0;
+  const auto solver = make_on_cpu(model, scene, {.precision = Precision::fp64});
+  for (int frame = 0; frame < 6; ++frame) solver->advance_frame();
+  EXPECT_GT(solver->contact_count(), 0u);
+  double lowest = 1.0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    if (!model.fixed[i]) lowest = std::min(lowest, (place(model, i) + solver->state().u[i]).z);
+  }
+  EXPECT_GT(lowest, ridge + 0.5 * thickness);
+  EXPECT_LT(lowest, ridge + 1.2 * thickness);
+}
+
+// Between two plates that are held 1.5 h apart, the tip of a tet whose other corners are held
+// outside: 1 h off both is nowhere.
+TEST(SelfContact, InAGapNarrowerThanTwiceTheThicknessAVertexRestsInTheMiddle) {
+  const double h = thickness, z = 0.01;  // the lower plate's top
+  const Model lower = make_box({0.04, 0.04, 0.01}, {2, 2, 1}, soft_tissue);
+  const Model upper = make_box({0.04, 0.04, 0.01}, {2, 2, 1}, soft_tissue, {0.0, 0.0, z + 4.0 * h});
+  const std::vector<Vec3<double>> corners = {{0.033, 0.018, z + 2.0 * h},
+                                             {0.05, 0.010, z + 2.0 * h},
+                                             {0.05, 0.026, z + 2.0 * h},
+                                             {0.05, 0.018, z + 6.0 * h}};
+  const Model wedge = one_tet(corners);
+  Model model =
+      assembled({lower, upper, wedge}, soft_tissue, [](const Vec3<double>&) { return true; });
+  State start{std::vector<Vec3<double>>(model.vertex_count()),
+              std::vector<Vec3<double>>(model.vertex_count())};
+  std::size_t tip = 0;
+  for (std::size_t i = 0; i < model.vertex_count(); ++i) {
+    const Vec3<double> x = place(model, i);
+    if (norm(x - corners[0]) < 1e-9) {
+      tip = i;
+      start.u[i].z = -1.25 * h;
+      continue;
+    }
+    model.fixed[i] = true;
+    if (x.z > z + 3.5 * h && x.x < 0.041) start.u[i].z = -2.5 * h;
+  }
+  const auto solver = make_on_cpu(model, folding_scene(true), {.precision = Precision::fp64});
+  solver->set_state(start);
+  for (int frame = 0; frame < 30; ++frame) solver->advance_frame();
+  const State state = solver->state();
+  const double height = (place(model, tip) + state.u[tip]).z - z;
+  EXPECT_GT(height, 0.6 * h);
+  EXPECT_LT(height, 0.9 * h);
+  EXPECT_LT(norm(state.v[tip]), 1e-4);
+}
+
+TEST(SelfContact, APairThatBeginsNearerThanTheThicknessIsLedApartByATenthOfWhatItLacks) {
+  EXPECT_EQ(least_distance(2e-3, 1e-3), 1e-3);
+  EXPECT_EQ(least_distance(1e-3, 1e-3), 1e-3);
+  EXPECT_DOUBLE_EQ(least_distance(0.5e-3, 1e-3), 0.55e-3);
+  EXPECT_DOUBLE_EQ(least_distance(-0.5e-3, 1e-3), -0.35e-3);
+}
+
 TEST(SelfContact, NeighboursAtRestAndTheTissueBehindAreLeftOut) {
   const Model model = make_flap();
   SurfacePairs pairs(model, thickness);
@@ -219,18 +351,6 @@ class ShuffledTeam {
   mutable std::mt19937 random_{7};
 };
 
-struct LooseBody {
-  const Triangle* triangles;
-  const std::vector<Vec3<double>>& rest;
-  std::vector<Vec3<double>>& d;
-  const std::vector<double>& w;
-
-  Vec3<double> start(int v) const { return rest[v]; }
-  Vec3<double> motion(int v) const { return d[v]; }
-  double mobility(int v) const { return w[v]; }
-  void move(int v, const Vec3<double>& by) const { d[v] += by; }
-};
-
 TEST(SelfContact, PairsSolvedInRoundsAreThoseOfTheListInItsOrderToTheBit) {
   const Model model = make_flap();
   const SurfacePairs pairs(model, thickness);
@@ -251,22 +371,22 @@ TEST(SelfContact, PairsSolvedInRoundsAreThoseOfTheListInItsOrderToTheBit) {
   const double distance = 0.02, friction = 0.5;
   auto in_order = list, in_rounds = list;
   auto d = start, rounds_d = start;
-  const LooseBody body{pairs.triangles().data(), model.rest, d, w};
+  const LooseBody body{pairs.triangles().data(), {}, model.rest, d, w};
   for (auto* pairs_of : {&in_order, &in_rounds}) {
-    for (auto& pair : *pairs_of) prepare(body, pair);
+    for (auto& pair : *pairs_of) prepare(body, distance, pair);
   }
   for (int sweep = 0; sweep < contact_sweeps; ++sweep) {
-    for (auto& pair : in_order) keep_apart(body, pair, distance);
+    for (auto& pair : in_order) keep_apart(body, pair, sweep);
   }
   for (const auto& pair : in_order) resist_slide(body, pair, friction);
 
-  const LooseBody same{pairs.triangles().data(), model.rest, rounds_d, w};
+  const LooseBody same{pairs.triangles().data(), {}, model.rest, rounds_d, w};
   std::vector<int> round_of(list.size());
   std::vector<Claim> holder(model.vertex_count(), unclaimed);
   const int count = static_cast<int>(list.size());
   const ShuffledTeam team;
   const int rounds =
-      keep_all_apart(team, same, in_rounds.data(), count, distance, round_of.data(), holder.data());
+      keep_all_apart(team, same, in_rounds.data(), count, round_of.data(), holder.data());
   resist_all_slides(team, same, in_rounds.data(), count, friction, round_of.data(), rounds);
   EXPECT_EQ(d, rounds_d);
   EXPECT_LT(rounds, count / 4) << "pairs that share no vertex go side by side";
