@@ -38,8 +38,8 @@ struct State {
   std::vector<Vec3<double>> duals = {};
 
   // What elements hold of their forces (solvers/xpbd/held_forces.hpp), N, in the order of the
-  // registry and of their elements, and then their sum by vertex, m over a substep. Empty stands
-  // for nothing.
+  // registry and of their elements: of each element those on its vertices but the first. Empty
+  // stands for nothing.
   std::vector<double> held = {};
 
   // For a state whose u or v are changed, or whose substep: what was added does not belong to them.

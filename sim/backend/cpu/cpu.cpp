@@ -29,6 +29,9 @@ class CpuSolver final : public Solver {
 
   void advance_frame() override {
     body_.choose_rule();
+    if (body_.layout.holds) {
+      body_.held = body_.program.held_by_vertex(body_.own, body_.rule.acts);
+    }
     for (int left = body_.program.substeps; left > 0;) {
       body_.options.pause_point();
       const Pace::Stretch stretch =
@@ -53,7 +56,7 @@ class CpuSolver final : public Solver {
     State state{{}, cast_all<double>(body_.v), body_.step};
     for (int i = 0; i < body_.n; ++i) state.u.push_back(cast<double>(body_.u[i].v));
     save_history(body_.own, state);
-    if (body_.layout.holds) save_held(body_.own, body_.held, state);
+    if (body_.layout.holds) save_held(body_.own, state);
     if (body_.replicas) body_.replicas->save(state);
     if (body_.program.rule.share > T(0)) body_.program.save_added(body_.last, state);
     return state;
@@ -67,10 +70,7 @@ class CpuSolver final : public Solver {
     body_.step = state.step;
     body_.volume_bound.begin_at(state);
     load_history(body_.own, state);
-    if (body_.layout.holds) {
-      body_.held = load_held<decltype(body_.own), T>(body_.own, state, body_.n,
-                                                     body_.program.held_numbers());
-    }
+    if (body_.layout.holds) load_held(body_.own, state, body_.program.held_numbers());
     if (body_.replicas) body_.replicas->load(state);
   }
   void retune(const Model& model, const Scene& scene) override {

@@ -31,6 +31,10 @@ class CudaSolver final : public Solver {
   void advance_frame() override {
     const bool smooth = program_.rule.share == T(0) || volume_bound_.acts();
     const Graph& graph = smooth ? graph_ : graph_to_first_order_;
+    if (layout_.holds) {
+      const TimeRule<T> rule = smooth ? program_.rule : program_.rule.to_first_order();
+      held_.upload(program_.held_by_vertex(effects_, rule.acts));
+    }
     for (int substep = 0; substep < substeps_; ++substep, ++step_) {
       options_.pause_point();
       if (program_.viscous_step.is_due(step_)) viscous_step_->apply(stream_);
@@ -53,7 +57,7 @@ class CudaSolver final : public Solver {
   State state() const override {
     State state = motion();
     save_history(effects_, state);
-    if (layout_.holds) save_held(effects_, held_.download(), state);
+    if (layout_.holds) save_held(effects_, state);
     if (program_.rule.share > T(0)) program_.save_added(last_.download(), state);
     return state;
   }
@@ -65,9 +69,7 @@ class CudaSolver final : public Solver {
     step_ = state.step;
     volume_bound_.begin_at(state);
     load_history(effects_, state);
-    if (layout_.holds) {
-      held_.upload(load_held<decltype(effects_), T>(effects_, state, n_, program_.held_numbers()));
-    }
+    if (layout_.holds) load_held(effects_, state, program_.held_numbers());
     for_each_slot<EffectKind::self_contact>(effects_,
                                             [&]<class Effect>(auto& effect) { effect.forget(); });
   }

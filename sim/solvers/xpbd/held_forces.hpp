@@ -15,7 +15,8 @@
 // has acted: (A + 1/k) lambda = -(C + lambda0/k) - grad C . W (preload - q_e). At rest q_e = p_e
 // and d = 0, so that every element sees C at u itself: the forces are those of the law, exactly,
 // for any order of the elements, in blocks too, at any substep. The sum of the q_e by vertex
-// changes by what a sweep has added over N, so that it costs nothing to keep.
+// changes by what a sweep has added over N, so that it costs nothing to keep within a frame; each
+// frame begins with the sum itself, since rounding would lead what is kept away from it.
 //
 // What lags is a spring in part: (rho - 1) K_eff x / (1 + s T) beside K_eff x, T = N dt, where the
 // sweep alone would give way rho times as far. It takes away damping, (rho - 1) / T a second at

@@ -120,27 +120,17 @@ void load_history(Slots& slots, const State& state, Member... member) {
 }
 
 // Likewise of the forces that they hold, and their sum by vertex, [n] m over a substep.
-template <class Slots, class T>
-void save_held(const Slots& slots, const std::vector<Vec3<T>>& by_vertex, State& state) {
+template <class Slots>
+void save_held(const Slots& slots, State& state) {
   for_each_slot<EffectKind::element>(
       slots, [&]<class Effect>(const auto& own) { own.save_held(state.held); });
-  for (const auto& sum : by_vertex) {
-    state.held.insert(state.held.end(), {static_cast<double>(sum.x), static_cast<double>(sum.y),
-                                         static_cast<double>(sum.z)});
-  }
 }
-template <class Slots, class T>
-std::vector<Vec3<T>> load_held(Slots& slots, const State& state, std::size_t vertices,
-                               std::size_t numbers) {
+template <class Slots>
+void load_held(Slots& slots, const State& state, std::size_t numbers) {
   // Of another run, whose effects are not these, it stands for nothing.
   std::span<const double> held = state.held;
-  if (held.size() != numbers + 3 * vertices) held = {};
+  if (held.size() != numbers) held = {};
   for_each_slot<EffectKind::element>(slots, [&]<class Effect>(auto& own) { own.load_held(held); });
-  std::vector<Vec3<T>> by_vertex(vertices);
-  for (std::size_t i = 0; i < vertices && !held.empty(); ++i) {
-    by_vertex[i] = cast<T>(Vec3<double>{held[3 * i], held[3 * i + 1], held[3 * i + 2]});
-  }
-  return by_vertex;
 }
 
 template <class T>
@@ -240,6 +230,37 @@ struct Program {
       count += own.vertices.size() * held_by<Effect>;
     });
     return count;
+  }
+
+  // What elements hold, summed by vertex, m over a substep whose forces act over `acts` (s). Every
+  // frame begins with this sum: what its sweeps add to it is rounded to the way that the vertex
+  // goes. Kept over all frames, in single precision, that led a bar of nu .49 to rest at 15.51 mm
+  // for 14.68.
+  template <class Slots>
+  std::vector<Vec3<T>> held_by_vertex(const Slots& slots, T acts) const {
+    std::vector<Vec3<double>> force(rest.size());
+    std::vector<double> held;
+    Effects::for_each([&]<class Effect, std::size_t i>() {
+      if constexpr (held_by<Effect> != 0) {
+        for (std::size_t k = 0; k < std::get<i>(slots).size(); ++k) {
+          held.clear();
+          std::get<i>(slots)[k].save_held(held);
+          const double* next = held.data();
+          for (const auto& vertices : std::get<i>(effects)[k].vertices) {
+            for (int j = Effect::arity > 1 ? 1 : 0; j < Effect::arity; ++j, next += 3) {
+              const Vec3<double> own{next[0], next[1], next[2]};
+              force[vertices[j]] += own;
+              if (j > 0) force[vertices[0]] -= own;
+            }
+          }
+        }
+      }
+    });
+    std::vector<Vec3<T>> moved;
+    for (std::size_t v = 0; v < force.size(); ++v) {
+      moved.push_back(cast<T>(static_cast<double>(inverse_mass[v] * (acts * acts)) * force[v]));
+    }
+    return moved;
   }
 
   // What substeps before a state have added to its vertices.
