@@ -9,10 +9,11 @@
 #include "sim/sensitivity.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
-#include "stages/simulate/error_report.hpp"
 #include "stages/simulate/exchange/static_problem.hpp"
-#include "stages/simulate/outcome_report.hpp"
 #include "stages/simulate/probes.hpp"
+#include "stages/simulate/reports/error_report.hpp"
+#include "stages/simulate/reports/outcome_report.hpp"
+#include "stages/simulate/reports/setup_report.hpp"
 #include "stages/simulate/scene/scene_number.hpp"
 #include "stages/simulate/solver_choice.hpp"
 #include "stages/simulate/stage.hpp"
@@ -60,11 +61,15 @@ void Simulation::prepare() {
   probes_ = read_probes(run_, model, landmarks_frame(run_));
   gaps_ = read_gaps(run_, model, scene);
   schedule_.emplace(setup_.file);
-  options_ = solver_choice(run_, model, scene).options;
+  const int asked_substeps = scene.time.substeps;
+  const SolverChoice choice = solver_choice(run_, model, scene);
+  options_ = choice.options;
   scheme_ = scheme_name(options_);
-  apply_policy(*schedule_, model, scene, options_);
+  const sim::Stability stability = apply_policy(*schedule_, model, scene, options_);
+  report_setup(run_, setup_.file, model, choice, stability, asked_substeps);
   solver_ = choose_solver(run_, model, scene, options_);
   rehearse(*schedule_, model, scene, *solver_);
+  report_damping(run_, model, scene, options_, *solver_);
   if (options_.method == sim::Method::tled) watch_.emplace(model, scene);
 }
 
@@ -265,7 +270,10 @@ void Simulation::write(const std::filesystem::path& file) const {
   for (const SceneFormat& format : scene_formats()) {
     known.push_back("." + std::string(format.name));
     if (file.extension() != known.back()) continue;
-    translated(run_, [&] { format.write(file, static_problem(setup_.file, setup_.mesh, body())); });
+    // What set() has changed acts after the scene's end where the simulation went on beyond it.
+    SceneFile now = setup_.file;
+    now.scene.time.end_s = std::max(now.scene.time.end_s, time_s());
+    translated(run_, [&] { format.write(file, static_problem(now, setup_.mesh, body())); });
     return;
   }
   throw Error(ExitCode::usage, {.where = file.string(),

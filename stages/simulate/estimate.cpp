@@ -7,8 +7,8 @@
 #include <cmath>
 #include <set>
 
-#include "stages/simulate/error_report.hpp"
 #include "stages/simulate/pilot_body.hpp"
+#include "stages/simulate/reports/error_report.hpp"
 #include "stages/simulate/scene/schedule.hpp"
 #include "stages/simulate/setup.hpp"
 #include "stages/simulate/solver_choice.hpp"

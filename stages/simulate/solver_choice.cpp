@@ -174,6 +174,8 @@ void take_element(const StageRun& run, SceneFile& file) {
                                        .remedy = "leave element out"});
   }
   const sim::ElementChoice choice = sim::choose_element(file.scene, options);
+  // Linear ones in the scene stand for its other solvers.
+  if (choice.element == sim::Element::quadratic) named.reset();
   file.element = named.value_or(choice.element);
   file.why_element = named ? "" : choice.why;
   double poisson_ratio = 0.0;

@@ -90,8 +90,15 @@ Json judge_topology(StageRun& run, const TetMesh& mesh, const Wanted& wanted, co
   none(mesh_gates::stray_points, found.stray_points);
   none(mesh_gates::non_manifold,
        found.non_manifold_edges + found.non_manifold_points + found.overfull_faces);
-  if (wanted.bodies)
+  if (wanted.bodies) {
     run.gate(mesh_gates::components, count(found.components), count(*wanted.bodies));
+    if (found.components < *wanted.bodies) {
+      run.caveat(fmt::format(
+          "{} bodies that are apart in the input are {} in the mesh: where a gap is narrower than "
+          "the cells, parts are grown together and cannot slide. Smaller cells keep them apart.",
+          *wanted.bodies, found.components));
+    }
+  }
   return {{"inverted", found.inverted},
           {"duplicate_tets", found.duplicate_tets},
           {"duplicate_points", found.duplicate_points},

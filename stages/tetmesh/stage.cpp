@@ -454,7 +454,7 @@ Stage tetmesh_stage() {
   Stage stage;
   stage.info = {
       .name = "tetmesh",
-      .version = "11",
+      .version = "12",
       .doc = "Labels or a surface to a conforming tetrahedral mesh with its quality.",
       .inputs = {{.role = "labels", .required = false, .doc = "labels.nrrd of viscera-labels"},
                  {.role = "surface",

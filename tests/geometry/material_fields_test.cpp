@@ -7,6 +7,7 @@
 #include "stages/mesh/vec.hpp"
 #include "stages/tetmesh/generate/mesh.hpp"
 #include "stages/tetmesh/generate/size_field.hpp"
+#include "stages/tetmesh/generate/stray_tets.hpp"
 #include "tests/geometry/shapes.hpp"
 
 namespace viscera {
@@ -163,6 +164,48 @@ TEST(SizeField, IsSmallWhereTheBorderOfARegionMeetsTheSurfaceAndNowhereElse) {
   EXPECT_NEAR(at(0.0, 10.0), 5.0, 0.1);   // in the plane, within the body
   EXPECT_NEAR(at(0.0, -19.0), 5.0, 0.1);  // on the surface, far from the plane
   EXPECT_EQ(field.largest(), 5.0);
+}
+
+// A thin shell beside a ball of another label that is aimed as high as it can be.
+TEST(MaterialFields, ALabelThatIsAimedHighDoesNotAppearWhereNothingOfItIsNear) {
+  const LabelImage image = testing::draw(60, {2.0, 2.0, 2.0}, [](double x, double y, double z) {
+    if (std::hypot(x + 40.0, y, z) < 12.0) return 1;
+    return std::abs(std::hypot(x - 16.0, y, z) - 30.0) < 2.0 ? 2 : 0;
+  });
+  MaterialFields fields(image, 2.0);
+  for (const double factor : {1.0, 1.5}) {
+    fields.aim({{1, factor}, {2, 1.5}, {0, 1.5}});
+    int stray = 0;
+    for (int k = 0; k < 60; ++k)
+      for (int j = 0; j < 60; ++j)
+        for (int i = 32; i < 60; ++i) stray += fields.at({2.0 * i, 2.0 * j, 2.0 * k}) == 1;
+    EXPECT_EQ(stray, 0) << factor;
+  }
+}
+
+// A tet between two balls of their own labels, near the second.
+TEST(StrayTets, GetTheMaterialThatTheyLieInAndGoWhereThereIsNone) {
+  const LabelImage image = testing::draw(40, {2.0, 2.0, 2.0}, [](double x, double y, double z) {
+    if (std::hypot(x + 20.0, y, z) < 12.0) return 1;
+    return std::hypot(x - 20.0, y, z) < 12.0 ? 2 : 0;
+  });
+  const MaterialFields fields(image, 1.6);
+  const double middle = 0.5 * 39.0 * 2.0;  // voxel-mm, of the origin of the balls
+  const auto label_of_tet_at = [&](double x, int label) {
+    const Vec corner = {middle + x, middle, middle};
+    TetMesh mesh{
+        .points = {corner, add(corner, {3, 0, 0}), add(corner, {0, 3, 0}), add(corner, {0, 0, 3})},
+        .tets = {{0, 1, 2, 3}},
+        .labels = {label}};
+    mend_stray_tets(fields, mesh);
+    return mesh.labels.empty() ? 0 : mesh.labels.front();
+  };
+  for (const int label : {1, 2}) {
+    EXPECT_EQ(label_of_tet_at(20.0, label), 2);
+    EXPECT_EQ(label_of_tet_at(-20.0, label), 1);
+    // Outside of both, nearer to the second: what is its own there stays, on the body's surface.
+    EXPECT_EQ(label_of_tet_at(4.0, label), label == 2 ? 2 : 0);
+  }
 }
 
 }  // namespace

@@ -44,7 +44,15 @@ def test_a_run_gives_the_bits_of_the_program(demo, tmp_path, solver, substeps, f
     mesh = viscera.read_mesh(demo / "tetmesh/mesh.vtu")
     params = {"solver": solver, "substeps": substeps, "end": end, "threads": 1,
               "forces": True, "probes": {"fall": {"between": ["liver", "ground"]}}}
-    result = viscera.Simulation(mesh, scene, **params).run()
+    sim = viscera.Simulation(mesh, scene, **params)
+    result = sim.run()
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    judged = {gate["name"]: gate["passed"] for gate in manifest["gates"]}
+    assert {gate["name"]: gate["passed"] for gate in sim.gates} == judged
+    assert ("damping_acting" in judged) == (solver == "xpbd")
+    early = {"element", "substeps", "altitude_min", "locking_estimate", "support_border"}
+    for name in early | ({"stability_Cs_max", "solver_error_bound"} if solver == "xpbd" else set()):
+        assert sim.metrics[name] == manifest["metrics"][name], name
     rows = result["frames"]
     assert [row["state_hash"] for row in rows] == [row["state_hash"] for row in program]
     assert [list(row) for row in rows] == [list(row) for row in program]
@@ -135,6 +143,31 @@ def test_params_that_ask_for_files_are_refused_with_what_does_it_here(mesh, para
 def test_a_simulation_that_could_not_be_made_is_shown_without_a_crash():
     """As a debugger or pytest shows it where its making was refused."""
     assert repr(viscera.Simulation.__new__(viscera.Simulation)) == "<viscera.Simulation, not made>"
+
+
+def test_linear_elements_of_a_scene_are_quadratic_where_the_solver_is_asked_for_these(mesh):
+    scene = falling(fixed={"side": "superior"})
+    params = {"solver": "fem", "fem_time": "quasi_static", "fem_order": 2, "end": "0.02s"}
+    found = []
+    for element in ("auto", "linear"):
+        sim = viscera.Simulation(mesh, scene | {"element": element}, **params)
+        sim.run()
+        assert sim.metrics["element"] == "quadratic"
+        found.append(sim.gradient(np.ones_like(sim.displacements), ["materials.liver.E"])["materials.liver.E"])
+    assert found[0] == found[1]
+
+
+def test_what_set_has_changed_is_written(mesh, tmp_path):
+    scene = falling(fixed={"side": "superior"}, prescribed={"side": "inferior", "displacement": ["0 mm", "0 mm", "-5 mm"]})
+    scene["time"] = {"end": "0.1 s"}
+    sim = viscera.Simulation(mesh, scene, solver="fem")
+    sim.run()
+    sim.set("effects.prescribed.displacement.z", -0.002)
+    sim.run(until=0.3)
+    sim.write(tmp_path / "now.inp")
+    assert sim.displacements[:, 2].min() == pytest.approx(-0.002, abs=1e-9)
+    boundary = (tmp_path / "now.inp").read_text().split("*BOUNDARY")[1]
+    assert ", 3, 3, -2\n" in boundary and ", 3, 3, -5\n" not in boundary
 
 
 def test_a_run_says_what_its_gates_do_not_see(mesh):

@@ -1,4 +1,4 @@
-#include "stages/simulate/error_report.hpp"
+#include "stages/simulate/reports/error_report.hpp"
 
 #include <fmt/format.h>
 

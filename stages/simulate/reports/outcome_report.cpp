@@ -1,4 +1,4 @@
-#include "stages/simulate/outcome_report.hpp"
+#include "stages/simulate/reports/outcome_report.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

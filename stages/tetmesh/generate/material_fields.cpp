@@ -14,6 +14,9 @@ namespace viscera {
 namespace {
 
 constexpr std::size_t max_labels = 255;
+// Of a label's smoothed field: what it has three sigma outside of a flat border. Where there is
+// less, nothing of the label is near.
+constexpr double near_label = 1e-3;
 
 }  // namespace
 
@@ -74,10 +77,15 @@ void MaterialFields::aim(const std::map<int, double>& factors, const Field& shar
   if (ids_.size() > 1) match_labels(wanted);
 }
 
+// Where nothing of a label is near, no bias makes it win: one that is aimed high would stand in
+// the thin borders of others anywhere in the body.
 int MaterialFields::winner(const double* values) const {
+  const auto rank = [&](std::size_t l) {
+    return std::pair(values[l] > near_label, values[l] + biases_[l]);
+  };
   std::size_t best = 0;
   for (std::size_t l = 1; l < ids_.size(); ++l)
-    if (values[l] + biases_[l] > values[best] + biases_[best]) best = l;
+    if (rank(l) > rank(best)) best = l;
   return static_cast<int>(best);
 }
 
@@ -95,16 +103,18 @@ void MaterialFields::match_labels(const std::vector<double>& wanted) {
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return voxels_[a] < voxels_[b]; });
   order.pop_back();
-  // Of the best other label over this one, unbiased; outside of the body not a number.
+  // Of the best other label over this one, unbiased; not a number outside of the body, and where
+  // nothing of this one is near. Where it is alone, far below what a bias may be.
   Field lead(frame_.voxels(), std::numeric_limits<float>::quiet_NaN());
   for (int sweep = 0; sweep < 3; ++sweep)
     for (const std::size_t l : order) {
       for (const std::size_t v : inside) {
         const float* values = &values_[v * width() + 1];
-        double best = -std::numeric_limits<double>::max();
+        double best = -1.0;
         for (std::size_t o = 0; o < labels; ++o)
-          if (o != l) best = std::max(best, values[o] + biases_[o]);
-        lead[v] = static_cast<float>(best - values[l]);
+          if (o != l && values[o] > near_label) best = std::max(best, values[o] + biases_[o]);
+        const bool is_near = values[l] > near_label;
+        lead[v] = is_near ? static_cast<float>(best - values[l]) : NAN;
       }
       biases_[l] = bias_of(lead, inside, wanted[l]);
     }
@@ -132,6 +142,7 @@ double MaterialFields::bias_of(const Field& lead, const std::vector<std::size_t>
   std::vector<Near> near;  // those that a bias may divide
   double always = 0.0;
   for (const std::size_t v : inside) {
+    if (!std::isfinite(lead[v])) continue;
     Near voxel{lead[v]};
     for (const std::size_t step : next) {
       const float behind = v >= step ? lead[v - step] : NAN;

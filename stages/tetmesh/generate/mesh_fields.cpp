@@ -3,6 +3,7 @@
 
 #include "stages/tetmesh/generate/mesh.hpp"
 #include "stages/tetmesh/generate/mesh3.hpp"
+#include "stages/tetmesh/generate/stray_tets.hpp"
 
 namespace viscera {
 namespace {
@@ -45,6 +46,7 @@ TetMesh mesh_fields(const MaterialFields& fields, const std::vector<Seed>& seeds
   mesher.refine(sizing, fields.ids().size() == 1);
   mesher.work_on_slivers(options);
   TetMesh mesh = mesher.extract();
+  mend_stray_tets(fields, mesh);
   to_lps(fields.frame(), mesh);
   return mesh;
 }
