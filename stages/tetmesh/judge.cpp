@@ -250,6 +250,27 @@ double asked_volume(const Wanted& wanted) {
   return sum;
 }
 
+// Parts of labels that the mesh makes of other labels, where they are too large to leave unsaid: a
+// label's volume is met by aiming it higher elsewhere.
+Json report_misplaced(StageRun& run, const TetMesh& mesh, const Wanted& wanted, double cell_size) {
+  constexpr double worth_a_word = 0.02;  // of the label's volume
+  Json all = Json::object();
+  for (const auto& [label, loss] : wanted.misplaced) {
+    double volume = 0.0;
+    for (const LostPart& part : loss.parts) volume += part.volume;
+    const double share = volume / wanted.label_volumes.at(label);
+    const std::string& name = mesh.label_names.at(label);
+    all[name] = {{"share", share}, {"farthest_mm", loss.farthest}, {"parts", to_json(loss.parts)}};
+    if (share < worth_a_word) continue;
+    run.caveat(fmt::format(
+        "{:.2g} % of {} are parts up to {:.0f} mm from its tets, and of another material in the "
+        "mesh: cells of {:.2g} mm are too large for them. Its volume is met elsewhere; smaller "
+        "cells (sizes: {{{}: …}}) keep these parts.",
+        100.0 * share, name, loss.farthest, cell_size, name));
+  }
+  return all;
+}
+
 Json judge_lost(StageRun& run, const Wanted& wanted, double cell_size,
                 const std::optional<SurfaceDistance>& distance) {
   const Loss loss = all_lost(wanted, distance);
@@ -339,8 +360,10 @@ Json judge(StageRun& run, const TetMesh& mesh, const std::vector<TetQuality>& qu
   std::optional<SurfaceDistance> distance;
   if (wanted.surface) distance = judge_distance(run, mesh, wanted, report);
   if (wanted.labels || wanted.surface) {
-    report["lost"] =
-        judge_lost(run, wanted, wanted.cell_size.value_or(mean_boundary_edge(mesh)), distance);
+    const double cell_size = wanted.cell_size.value_or(mean_boundary_edge(mesh));
+    report["lost"] = judge_lost(run, wanted, cell_size, distance);
+    if (!wanted.misplaced.empty())
+      report["misplaced"] = report_misplaced(run, mesh, wanted, cell_size);
   }
   if (!wanted.time.materials.empty())
     report["time_step"] = judge_time_step(run, mesh, quality, wanted.time);

@@ -21,7 +21,8 @@ struct Wanted {
   std::optional<SurfaceMesh> surface;  // of the body
   std::optional<double> cell_size;     // mm
   std::optional<LabelImage> labels;
-  LabelLoss loss;  // of the labels, where they are given
+  LabelLoss loss;                      // of the labels, where they are given
+  std::map<int, LabelLoss> misplaced;  // by label, where the mesh was made of them
   TimeGoal time;
 };
 

@@ -345,6 +345,7 @@ Made make_mesh(StageRun& run, MeshRequest request) {
   if (job.labels()) {
     made.wanted.labels = job.labels();
     made.wanted.loss = job.loss(made.mesh, cell_size);
+    made.wanted.misplaced = job.misplaced(made.mesh, cell_size);
   }
   if (improved) made.how["improved"] = improved_json(*improved);
   if (job.fields()) {

@@ -168,6 +168,32 @@ TEST_F(Tetmesh, PartsOfTheLabelThatTheMeshLacksFailItsGatesAndAreAllListed) {
   EXPECT_EQ(kept.log.find("lost part"), std::string::npos) << kept.log;
 }
 
+// The strands within a ball of another label: the body lacks nothing.
+TEST_F(Tetmesh, PartsOfALabelThatTheMeshMakesOfAnotherAreSaidFirst) {
+  LabelImage image = ball_with_strands();
+  for (auto& id : image.voxels) id = id == 1 ? 2 : 0;
+  const LabelImage whole = testing::draw(96, {1.0, 1.0, 1.0}, [](double x, double y, double z) {
+    return norm({x, y, z}) < 46.0 ? 1 : 0;
+  });
+  for (std::size_t v = 0; v < image.voxels.size(); ++v)
+    if (image.voxels[v] == 0) image.voxels[v] = whole.voxels[v];
+  const auto words_at = [&](const std::string& size) {
+    fs::remove_all(out());
+    const auto outcome = run(write(image), {"cell_size=" + size, "max_volume_error=50%"});
+    EXPECT_EQ(outcome.code, 0) << outcome.log;
+    return testing::read_json(out() / "manifest.json")["caveats"];
+  };
+  const Json words = words_at("14mm");
+  ASSERT_EQ(words.size(), 1u);
+  EXPECT_NE(words[0].get<std::string>().find("% of label_2 are parts up to 2"), std::string::npos)
+      << words;
+  const Json found = testing::read_json(out() / "quality.json")["misplaced"]["label_2"];
+  EXPECT_GT(found["share"].get<double>(), 0.05);
+  EXPECT_GT(found["farthest_mm"].get<double>(), 15.0);
+  EXPECT_TRUE(words_at("4mm").empty());
+  EXPECT_TRUE(testing::read_json(out() / "quality.json")["misplaced"]["label_2"]["parts"].empty());
+}
+
 // A strand of a voxel is gone before there is a mesh: no cell size alone would keep it.
 TEST_F(Tetmesh, APartThatSmoothingTakesIsSaidToNeedASmallerSigma) {
   const LabelImage image = testing::draw(96, {1.0, 1.0, 1.0}, [](double x, double y, double z) {

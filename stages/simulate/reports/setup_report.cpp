@@ -130,6 +130,15 @@ void report_borders(StageRun& run, const sim::Model& model, const sim::Scene& sc
   run.metric("support_border", m_to_mm * largest.mean, "mm");
 }
 
+bool touches_obstacles(const sim::Scene& scene) {
+  bool any = false;
+  sim::Effects::for_each([&]<class Effect, std::size_t i>() {
+    if constexpr (Effect::kind == sim::EffectKind::contact)
+      any = any || !std::get<i>(scene.effects).empty();
+  });
+  return any;
+}
+
 // How far off the solver alone may come to rest (held_forces.hpp), before the first step.
 void report_solver_error(StageRun& run, const sim::Stability& stability, const sim::Scene& scene,
                          sim::Method method) {
@@ -143,16 +152,21 @@ void report_solver_error(StageRun& run, const sim::Stability& stability, const s
   run.metric("solver_error_bound", stability.sweep_error);
   run.metric("sweep_number", stability.sweep_number);
   run.metric("force_hold", scene.force_hold_s, "s");
+  // An obstacle pushes before the elements do: what they add in a substep is left inside of it.
+  const char* const pressed =
+      touches_obstacles(scene)
+          ? "; where obstacles are pressed on, what a substep presses in comes besides"
+          : "";
   if (scene.force_hold_s > 0.0) {
     log::info(
-        "elements hold their forces for {:.3g} ms: at rest the solver has no error of its own",
-        1e3 * scene.force_hold_s);
+        "elements hold their forces for {:.3g} ms: at rest the solver has no error of its own{}",
+        1e3 * scene.force_hold_s, pressed);
     return;
   }
   const std::string text = fmt::format(
       "at rest the solver alone is off by some {:.2g} % of the displacement or less (H {:.2g}); "
-      "what elements and mesh add comes besides (certify: true finds it)",
-      100.0 * stability.sweep_error, stability.sweep_number);
+      "what elements and mesh add comes besides (certify: true finds it){}",
+      100.0 * stability.sweep_error, stability.sweep_number, pressed);
   if (stability.sweep_error > worth_a_warning) {
     log::warn("{}\n  remedy:  {}more substeps or solver fem", text,
               scene.accuracy_limit > 0.0 ? "effects.viscosity with damping, "

@@ -313,6 +313,25 @@ LabelLoss MeshJob::loss(const TetMesh& mesh, double cell_size) const {
   return find_label_loss(*image_, mesh, cell_size, smoothed_away);
 }
 
+std::map<int, LabelLoss> MeshJob::misplaced(const TetMesh& mesh, double cell_size) const {
+  std::map<int, LabelLoss> found;
+  if (!by_fields_) return found;
+  const int largest = std::ranges::max_element(label_volumes_, {}, [](const auto& label) {
+                        return label.second;
+                      })->first;
+  for (const auto& [id, volume] : label_volumes_) {
+    if (id == largest) continue;
+    LabelImage own = *image_;
+    for (auto& voxel : own.voxels)
+      if (voxel != id) voxel = 0;
+    TetMesh part = mesh;
+    keep_tets(part, [&mesh, id = id](std::size_t t) { return mesh.labels[t] == id; });
+    if (part.tets.empty()) continue;  // its volume says it
+    found[id] = find_label_loss(own, part, cell_size, [](const auto&) { return false; });
+  }
+  return found;
+}
+
 double MeshJob::expected_tets(double cell_size) const {
   const double uniform = estimate_tets(body_volume_, cell_size, lattice_ * cell_size);
   const auto sizes = size_field(cell_size);

@@ -79,6 +79,9 @@ class MeshJob {
 
   // What `mesh` lacks of the labels; they must have been given.
   LabelLoss loss(const TetMesh& mesh, double cell_size) const;
+  // Of each label but the largest, what the mesh makes of other labels, or lacks, farther than half
+  // a cell from the label's own tets. Volumes that are met by aiming higher do not show it.
+  std::map<int, LabelLoss> misplaced(const TetMesh& mesh, double cell_size) const;
 
   // The mesh at one cell size (mm): refined, freed of slivers in the way that the parameters ask
   // for, its boundary manifold, materials and names set.
