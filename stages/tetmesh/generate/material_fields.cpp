@@ -14,9 +14,6 @@ namespace viscera {
 namespace {
 
 constexpr std::size_t max_labels = 255;
-// Of a label's smoothed field: what it has three sigma outside of a flat border. Where there is
-// less, nothing of the label is near.
-constexpr double near_label = 1e-3;
 
 }  // namespace
 
@@ -77,15 +74,14 @@ void MaterialFields::aim(const std::map<int, double>& factors, const Field& shar
   if (ids_.size() > 1) match_labels(wanted);
 }
 
-// Where nothing of a label is near, no bias makes it win: one that is aimed high would stand in
-// the thin borders of others anywhere in the body.
+// A bias counts in proportion to all labels' fields at the place: it shifts what they share, and
+// nowhere lets a label win that has no part of it. (In the thin borders of others, where all fields
+// are small, one that was aimed high would win anywhere in the body.)
 int MaterialFields::winner(const double* values) const {
-  const auto rank = [&](std::size_t l) {
-    return std::pair(values[l] > near_label, values[l] + biases_[l]);
-  };
+  const double sum = std::accumulate(values, values + ids_.size(), 0.0);
   std::size_t best = 0;
   for (std::size_t l = 1; l < ids_.size(); ++l)
-    if (rank(l) > rank(best)) best = l;
+    if (values[l] + biases_[l] * sum > values[best] + biases_[best] * sum) best = l;
   return static_cast<int>(best);
 }
 
@@ -103,18 +99,18 @@ void MaterialFields::match_labels(const std::vector<double>& wanted) {
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return voxels_[a] < voxels_[b]; });
   order.pop_back();
-  // Of the best other label over this one, unbiased; not a number outside of the body, and where
-  // nothing of this one is near. Where it is alone, far below what a bias may be.
+  // Of the best other label over this one, unbiased, as a share of all labels' fields; outside of
+  // the body not a number.
   Field lead(frame_.voxels(), std::numeric_limits<float>::quiet_NaN());
   for (int sweep = 0; sweep < 3; ++sweep)
     for (const std::size_t l : order) {
       for (const std::size_t v : inside) {
         const float* values = &values_[v * width() + 1];
-        double best = -1.0;
+        const double sum = std::accumulate(values, values + labels, 0.0);
+        double best = -std::numeric_limits<double>::max();
         for (std::size_t o = 0; o < labels; ++o)
-          if (o != l && values[o] > near_label) best = std::max(best, values[o] + biases_[o]);
-        const bool is_near = values[l] > near_label;
-        lead[v] = is_near ? static_cast<float>(best - values[l]) : NAN;
+          if (o != l) best = std::max(best, values[o] + biases_[o] * sum);
+        lead[v] = static_cast<float>((best - values[l]) / std::max(sum, 1e-6));
       }
       biases_[l] = bias_of(lead, inside, wanted[l]);
     }
@@ -142,7 +138,6 @@ double MaterialFields::bias_of(const Field& lead, const std::vector<std::size_t>
   std::vector<Near> near;  // those that a bias may divide
   double always = 0.0;
   for (const std::size_t v : inside) {
-    if (!std::isfinite(lead[v])) continue;
     Near voxel{lead[v]};
     for (const std::size_t step : next) {
       const float behind = v >= step ? lead[v - step] : NAN;
@@ -190,11 +185,14 @@ double MaterialFields::lead(const std::array<double, 3>& p, int a, int b,
   };
   const bool outer = a == 0 || b == 0;
   const std::size_t of_a = outer ? 0 : slot(a), of_b = outer ? 0 : slot(b);
-  double value = outer ? -level_ : biases_[of_a] - biases_[of_b];
+  double value = outer ? -level_ : 0.0;
   gradient = {};
   for (int c = 0; c < 8; ++c) {
-    const double here =
-        outer ? cell.corner[c][0] : cell.corner[c][of_a + 1] - cell.corner[c][of_b + 1];
+    const float* const fields = cell.corner[c] + 1;
+    const double here = outer ? cell.corner[c][0]
+                              : fields[of_a] - fields[of_b] +
+                                    (biases_[of_a] - biases_[of_b]) *
+                                        std::accumulate(fields, fields + ids_.size(), 0.0);
     std::array<double, 3> weight, slope;
     for (int i = 0; i < 3; ++i) {
       const bool far = (c >> i) & 1;
