@@ -113,13 +113,13 @@ std::optional<Mat3<double>> gradient_fitted_to(const Model& model, const State& 
 
 }  // namespace
 
-Neighbours::Neighbours(const Model& model) : model_(model), tets_(model.vertex_count()) {
+TetsAround::TetsAround(const Model& model) : model_(model), tets_(model.vertex_count()) {
   for (std::size_t t = 0; t < model.tet_count(); ++t) {
     for (const int v : model.tets[t]) tets_[v].push_back(static_cast<int>(t));
   }
 }
 
-std::vector<int> Neighbours::tets_at(const std::vector<int>& vertices, int material) const {
+std::vector<int> TetsAround::tets_at(const std::vector<int>& vertices, int material) const {
   std::vector<int> found;
   for (const int v : vertices) {
     for (const int t : tets_[v]) {
@@ -130,33 +130,32 @@ std::vector<int> Neighbours::tets_at(const std::vector<int>& vertices, int mater
   return found;
 }
 
-std::vector<int> Neighbours::vertices_of(const std::vector<int>& tets) const {
+std::vector<int> TetsAround::vertices_of(const std::vector<int>& tets) const {
   std::vector<int> found;
   for (const int t : tets) found.insert(found.end(), model_.tets[t].begin(), model_.tets[t].end());
   keep_each_once(found);
   return found;
 }
 
-Strained fitted_to_samples(const Model& model, const Samples& samples, const Neighbours& neighbours,
+Strained fitted_to_samples(const Model& model, const Samples& samples, const TetsAround& around,
                            int vertex, const std::vector<int>& tets) {
   const Vec3<double>& place = model.rest[vertex];
   const Fit fit(samples.all, samples_in(samples, tets));
   if (fit.reaches(place)) return fit.at(place);
-  const auto wider =
-      neighbours.tets_at(neighbours.vertices_of(tets), model.material_of[tets.front()]);
+  const auto wider = around.tets_at(around.vertices_of(tets), model.material_of[tets.front()]);
   const Fit wider_fit(samples.all, samples_in(samples, wider));
   return wider_fit.reaches(place) ? wider_fit.at(place) : fit.mean();
 }
 
 std::optional<Mat3<double>> fitted_gradient(const Model& model, const State& state,
-                                            const Neighbours& neighbours, int vertex,
+                                            const TetsAround& around, int vertex,
                                             const std::vector<int>& tets) {
   constexpr int most_rings = 4;
   const int material = model.material_of[tets.front()];
-  std::vector<int> vertices = neighbours.vertices_of(tets);
+  std::vector<int> vertices = around.vertices_of(tets);
   std::optional<Mat3<double>> of_second_degree;
   for (int ring = 1; ring <= most_rings; ++ring) {
-    if (ring > 1) vertices = neighbours.vertices_of(neighbours.tets_at(vertices, material));
+    if (ring > 1) vertices = around.vertices_of(around.tets_at(vertices, material));
     if (const auto h = gradient_fitted_to<20>(model, state, vertices, vertex)) return h;
     if (!of_second_degree)
       of_second_degree = gradient_fitted_to<10>(model, state, vertices, vertex);

@@ -10,9 +10,9 @@
 
 namespace viscera::sim {
 
-class Neighbours {
+class TetsAround {
  public:
-  explicit Neighbours(const Model& model);
+  explicit TetsAround(const Model& model);
 
   // Tets of a material that have a vertex among these, each once, and the vertices of those.
   std::vector<int> tets_at(const std::vector<int>& vertices, int material) const;
@@ -28,13 +28,13 @@ class Neighbours {
 // The linear function that fits best the samples of the tets, each by its volume; with those around
 // these where they are few, lie in a plane or leave the vertex far outside, and their mean where
 // that does not help.
-Strained fitted_to_samples(const Model& model, const Samples& samples, const Neighbours& neighbours,
+Strained fitted_to_samples(const Model& model, const Samples& samples, const TetsAround& around,
                            int vertex, const std::vector<int>& tets);
 
 // The gradient of displacement, from a polynomial that is fitted to the displacements of vertices
 // around it: of third degree, or of second where they are too few for that.
 std::optional<Mat3<double>> fitted_gradient(const Model& model, const State& state,
-                                            const Neighbours& neighbours, int vertex,
+                                            const TetsAround& around, int vertex,
                                             const std::vector<int>& tets);
 
 }  // namespace viscera::sim

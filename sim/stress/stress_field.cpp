@@ -79,15 +79,15 @@ StressField stress_field(const Model& model, const Scene& scene, const State& st
   StressField field{.tets = means_of(model, samples)};
   find_corners(model, field);
   field.recovered.resize(field.corners.size());
-  const Neighbours neighbours(model);
+  const TetsAround around(model);
   std::optional<SurfaceTraction> surface;
   if (order == 1) surface.emplace(model, scene, state);
   const auto recover = [&](const StressField::Corner& corner) {
     const auto [vertex, material] = corner;
-    const std::vector<int> tets = neighbours.tets_at({vertex}, material);
-    const Strained sampled = fitted_to_samples(model, samples, neighbours, vertex, tets);
+    const std::vector<int> tets = around.tets_at({vertex}, material);
+    const Strained sampled = fitted_to_samples(model, samples, around, vertex, tets);
     if (order == 2) return sampled;
-    const auto h = fitted_gradient(model, state, neighbours, vertex, tets);
+    const auto h = fitted_gradient(model, state, around, vertex, tets);
     Strained fitted = sampled;
     if (h) {
       fitted = strained(model, scene, tets.front(), *h);
@@ -105,8 +105,7 @@ StressField stress_field(const Model& model, const Scene& scene, const State& st
       const auto& [vertex, material] = field.corners[c];
       field.recovered[c] = recover(field.corners[c]);
       if (branches.empty()) continue;
-      add(mean_of(branches, model, neighbours.tets_at({vertex}, material)),
-          field.recovered[c].cauchy);
+      add(mean_of(branches, model, around.tets_at({vertex}, material)), field.recovered[c].cauchy);
     }
   });
   return field;
