@@ -31,7 +31,7 @@ void report_scheme(StageRun& run, const sim::SolverOptions& options, const std::
 }
 
 void report_element(StageRun& run, const SceneFile& file) {
-  const sim::Element element = file.element.value_or(sim::Element::linear);
+  const sim::Element element = *file.element;
   const char* const name = element == sim::Element::smoothed    ? "smoothed"
                            : element == sim::Element::quadratic ? "quadratic"
                                                                 : "linear";
@@ -130,7 +130,7 @@ void report_borders(StageRun& run, const sim::Model& model, const sim::Scene& sc
   run.metric("support_border", m_to_mm * largest.mean, "mm");
 }
 
-bool touches_obstacles(const sim::Scene& scene) {
+bool has_obstacles(const sim::Scene& scene) {
   bool any = false;
   sim::Effects::for_each([&]<class Effect, std::size_t i>() {
     if constexpr (Effect::kind == sim::EffectKind::contact)
@@ -154,7 +154,7 @@ void report_solver_error(StageRun& run, const sim::Stability& stability, const s
   run.metric("force_hold", scene.force_hold_s, "s");
   // An obstacle pushes before the elements do: what they add in a substep is left inside of it.
   const char* const pressed =
-      touches_obstacles(scene)
+      has_obstacles(scene)
           ? "; where obstacles are pressed on, what a substep presses in comes besides"
           : "";
   if (scene.force_hold_s > 0.0) {

@@ -148,12 +148,16 @@ void MeshJob::take_sizes(const MeshRequest& request) {
   if (request.size_field && by_fields_) take_size_field(*request.size_field);
 }
 
+int MeshJob::largest_label() const {
+  return std::ranges::max_element(label_volumes_, {},
+                                  [](const auto& label) { return label.second; })
+      ->first;
+}
+
 void MeshJob::take_size_field(const MeshRequest::SizedMesh& given) {
   constexpr double same_body = 0.9;  // of the voxels: a coarse mesh of it covers more
   sizes_.relative = sizes_by_voxel(image_->frame, given.mesh, given.sizes);
-  sizes_.common_label = std::ranges::max_element(label_volumes_, {}, [](const auto& label) {
-                          return label.second;
-                        })->first;
+  sizes_.common_label = largest_label();
   std::size_t labelled = 0, covered = 0;
   for (std::size_t v = 0; v < image_->voxels.size(); ++v) {
     if (image_->voxels[v] == 0) continue;
@@ -316,11 +320,8 @@ LabelLoss MeshJob::loss(const TetMesh& mesh, double cell_size) const {
 std::map<int, LabelLoss> MeshJob::misplaced(const TetMesh& mesh, double cell_size) const {
   std::map<int, LabelLoss> found;
   if (!by_fields_) return found;
-  const int largest = std::ranges::max_element(label_volumes_, {}, [](const auto& label) {
-                        return label.second;
-                      })->first;
   for (const auto& [id, volume] : label_volumes_) {
-    if (id == largest) continue;
+    if (id == largest_label()) continue;
     LabelImage own = *image_;
     for (auto& voxel : own.voxels)
       if (voxel != id) voxel = 0;

@@ -117,6 +117,7 @@ class MeshJob {
   void take_surface(const MeshRequest& request);
   void take_sizes(const MeshRequest& request);
   void take_size_field(const MeshRequest::SizedMesh& given);
+  int largest_label() const;  // by volume
   void take_regions(const MeshRequest& request);
   void check_sizes(const MeshRequest& request) const;
 
