@@ -1,42 +1,20 @@
-// The CUDA backend against the CPU. Without a device every test says that it was skipped, and fails
-// instead when VISCERA_REQUIRE_GPU is set, as `make test-gpu` does: a skipped GPU test is not a
-// pass.
-#include <dlfcn.h>
-#include <gtest/gtest.h>
-
+// Motion on a CUDA device against the CPU, scene by scene and effect by effect, and to the same
+// bits again.
 #include <array>
 #include <chrono>
 #include <cstdlib>
 #include <future>
-#include <set>
 
 #include "sim/base/refusal.hpp"
 #include "sim/measures/stability.hpp"
 #include "stages/mesh/tet_io.hpp"
 #include "stages/simulate/body.hpp"
 #include "stages/simulate/scene/scene_file.hpp"
-#include "tests/backend/host_blocks.hpp"
+#include "tests/backend/cuda_fixture.hpp"
 #include "tests/sim/effects/flap.hpp"
-#include "tests/sim/loaded_bodies.hpp"
 
 namespace viscera::sim {
 namespace {
-
-class Cuda : public testing::Test {
- protected:
-  void SetUp() override {
-    const CudaDevice device = find_cuda_device();
-    if (device.name) return;
-    if (std::getenv("VISCERA_REQUIRE_GPU")) FAIL() << "no CUDA device: " << device.why_not;
-    GTEST_SKIP() << "no CUDA device: " << device.why_not;
-  }
-};
-
-double largest_difference(const State& a, const State& b) {
-  double largest = 0.0;
-  for (std::size_t i = 0; i < a.u.size(); ++i) largest = std::max(largest, norm(a.u[i] - b.u[i]));
-  return largest;
-}
 
 // Largest difference of displacement after `frames`, over the body's size.
 double disagreement(const Model& model, const Scene& scene, const SolverOptions& options,
@@ -231,161 +209,6 @@ TEST_F(Cuda, AHeldBarSagsAsOnTheCpu) {
   EXPECT_LE(disagreement(model, scene, Precision::fp32, 60), 1e-4);
 }
 
-TEST_F(Cuda, APressedBodyHasNoTetInsideOut) {
-  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
-    for (const Precision precision : {Precision::fp64, Precision::fp32}) {
-      const SolverOptions options{.scheme = scheme, .precision = precision, .block_tets = 150};
-      expect_no_tet_inside_out_when_pressed([&](const Model& model, const Scene& scene) {
-        return make_on_cuda(model, scene, options);
-      });
-    }
-  }
-}
-
-// Which frames a solver in blocks runs as a whole, and which again substep by substep, follows from
-// the state alone, of each member of an ensemble.
-TEST_F(Cuda, APressedBodyInBlocksGoesOnFromAnyFrameToTheSameBits) {
-  const PressedCube cube;
-  const SolverOptions options{.scheme = Scheme::block_gauss_seidel, .block_tets = 150};
-  const Tune only_first_is_soft = [](int member, Model& model, Scene&) {
-    if (member > 0) model.materials[0].youngs_modulus *= 100.0;
-  };
-  const auto both = make_ensemble_on_cuda(cube.model, cube.scene, options, 2, only_first_is_soft);
-  const auto whole = make_on_cuda(cube.model, cube.scene, options);
-  const auto [stiff_model, stiff_scene] = tuned(cube.model, cube.scene, 1, only_first_is_soft);
-  const auto stiff = make_on_cuda(stiff_model, stiff_scene, options);
-  State state = whole->state();
-  for (int frame = 0; frame < cube.frames; ++frame) {
-    const auto taken_up = make_on_cuda(cube.model, cube.scene, options);
-    taken_up->set_state(state);
-    for (Solver* solver : {taken_up.get(), whole.get(), stiff.get()}) solver->advance_frame();
-    both->advance_frame();
-    state = whole->state();
-    ASSERT_EQ(taken_up->state().hash(), state.hash()) << "frame " << frame;
-    ASSERT_EQ(both->state(0).hash(), state.hash()) << "frame " << frame;
-    ASSERT_EQ(both->state(1).hash(), stiff->state().hash()) << "frame " << frame;
-  }
-}
-
-struct Rest {
-  State state;
-  double speed, way;  // largest, m/s and m
-};
-Rest rest_of(std::unique_ptr<Solver> solver) {
-  for (int frame = 0; frame < 400; ++frame) solver->advance_frame();
-  Rest rest{solver->state(), 0.0, 0.0};
-  for (const auto& v : rest.state.v) rest.speed = std::max(rest.speed, norm(v));
-  for (const auto& u : rest.state.u) rest.way = std::max(rest.way, norm(u));
-  return rest;
-}
-
-// From the start to the rest, nothing set back on the way.
-void expect_one_place_of_rest(const Model& model, const Scene& scene,
-                              const SolverOptions& options) {
-  const Rest cuda = rest_of(make_on_cuda(model, scene, options));
-  const Rest cpu = rest_of(make_on_cpu(model, scene, options));
-  const auto apart = [&](const Rest& other) {
-    return largest_difference(cuda.state, other.state) / model.size();
-  };
-  EXPECT_LE(cuda.speed, 1e-4);
-  EXPECT_GE(cuda.way, 4e-3);
-  constexpr double goal = 1e-4;
-  if (!in_blocks(options)) {
-    EXPECT_LE(apart(cpu), goal);
-    return;
-  }
-  // A device solves the elements of a block once linearised, as the host does here; blocks on a CPU
-  // evaluate them anew, and the errors that both have at rest differ.
-  const bool single = options.precision == Precision::fp32;
-  EXPECT_LE(
-      apart(rest_of(single ? make_host_blocks<float>(model, scene, options.block_tets, true)
-                           : make_host_blocks<double>(model, scene, options.block_tets, true))),
-      goal);
-  constexpr double known_miss = 2.8e-4;
-  EXPECT_LE(apart(cpu), known_miss);
-  std::printf("in blocks, fp%d: the CPU's rest is %.3g L from the device's (goal %g)\n",
-              single ? 32 : 64, apart(cpu), goal);
-}
-
-TEST_F(Cuda, EverySchemeComesToRestWhereItDoesOnTheCpu) {
-  Material damped = soft_tissue;
-  damped.damping = 0.05;
-  Model bar = make_five_tet_box({0.06, 0.03, 0.03}, {6, 3, 3}, damped);
-  for (std::size_t i = 0; i < bar.vertex_count(); ++i) {
-    bar.fixed[i] = bar.rest[i].x + bar.origin.x < 1e-9;
-  }
-  Scene hanging = drop_scene(), falling = hanging;
-  hanging.params<Ground>().clear();
-  damped.damping = 0.01;
-  const Model cube = make_cube(6, damped);
-  falling.params<Ground>().front().clearance = 5e-3;
-  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel, Scheme::jacobi}) {
-    for (const Precision precision : {Precision::fp64, Precision::fp32}) {
-      const SolverOptions options{.scheme = scheme, .precision = precision, .block_tets = 200};
-      expect_one_place_of_rest(bar, hanging, options);
-      expect_one_place_of_rest(cube, falling, options);
-    }
-  }
-}
-
-TEST_F(Cuda, DampingDoesNotMoveThePlaceOfRest) {
-  const HeldBar bar{.cells = {6, 3, 3}, .substeps = 32, .swinging = 400, .frames = 600};
-  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
-    const SolverOptions options{.scheme = scheme, .precision = Precision::fp64, .block_tets = 100};
-    expect_same_rest_at_any_damping(bar, [&](const Model& model, const Scene& scene) {
-      return make_on_cuda(model, scene, options);
-    });
-  }
-}
-
-TEST_F(Cuda, AStiffBarIsDampedAndRestsAsByNewton) {
-  for (const Precision precision : {Precision::fp64, Precision::fp32}) {
-    const auto make = [precision](const Model& model, const Scene& scene) {
-      return make_on_cuda(model, scene, SolverOptions{.precision = precision});
-    };
-    for (const double poisson_ratio : {0.3, 0.45}) {
-      expect_stiff_bar_is_damped_as_by_newton(poisson_ratio, make);
-    }
-    expect_stiff_cube_is_damped_as_by_newton(make);
-    expect_rests_where_newton_does(make);
-  }
-}
-
-TEST_F(Cuda, ADampedCubeIsDampedAsByNewtonInBlocks) {
-  for (const Precision precision : {Precision::fp64, Precision::fp32}) {
-    const SolverOptions options{
-        .scheme = Scheme::block_gauss_seidel, .precision = precision, .block_tets = 60};
-    expect_damped_cube_is_damped_as_by_newton([&](const Model& model, const Scene& scene) {
-      return make_on_cuda(model, scene, options);
-    });
-  }
-}
-
-TEST_F(Cuda, AStiffBarMovesAsOnTheCpu) {
-  StiffBar bar({10, 3, 3}, 0.45, 0.03);
-  bar.scene.accuracy_limit = 0.01;
-  apply_policy(bar.model, bar.scene);
-  const SolverOptions options{.precision = Precision::fp64};
-  const auto cuda = make_on_cuda(bar.model, bar.scene, options);
-  const auto cpu = make_on_cpu(bar.model, bar.scene, options);
-  for (int frame = 0; frame < 30; ++frame) {
-    cuda->advance_frame();
-    cpu->advance_frame();
-  }
-  const State here = cpu->state(), there = cuda->state();
-  double difference = 0.0;
-  for (std::size_t i = 0; i < here.u.size(); ++i) {
-    difference = std::max(difference, norm(here.u[i] - there.u[i]));
-  }
-  EXPECT_LE(difference, 1e-6 * StiffBar::drop(here)) << "colours in another order";
-  // And from one to the other in the middle of a run.
-  const auto taken_up = make_on_cuda(bar.model, bar.scene, options);
-  taken_up->set_state(there);
-  taken_up->advance_frame();
-  cuda->advance_frame();
-  EXPECT_EQ(taken_up->state().hash(), cuda->state().hash());
-}
-
 TEST_F(Cuda, TwoRunsGiveTheSameBits) {
   const Model model = make_cube(8);
   for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
@@ -455,132 +278,6 @@ TEST_F(Cuda, WhatAHandLeadsAgreesWithTheHost) {
     EXPECT_LE(largest_difference(cuda->state(), host->state()), 1e-9 * model.size());
     EXPECT_GT(norm(cuda->state().u[0]), 1e-3) << "it was led";
   }
-}
-
-// More members than run at once: each in several blocks, in a small one, and in a large one.
-TEST_F(Cuda, AMemberGivesTheBitsOfARunAlone) {
-  const Tune tune = [](int member, Model& own, Scene& scene) {
-    for (Material& material : own.materials) material.youngs_modulus *= 1.0 + member % 3;
-    scene.params<Gravity>()[0].acceleration *= 1.0 + 0.1 * (member % 2);
-  };
-  constexpr int members = 300;
-  for (const auto& [cells, block_tets] : {std::pair{4, 50}, {4, 1000}, {8, 4000}}) {
-    const Model model = make_cube(cells);
-    const SolverOptions options{.scheme = Scheme::block_gauss_seidel, .block_tets = block_tets};
-    const auto all = make_ensemble_on_cuda(model, drop_scene(), options, members, tune);
-    for (int frame = 0; frame < 5; ++frame) all->advance_frame();
-    std::set<std::uint64_t> different;
-    for (int member = 0; member < members; member += 37) {
-      const auto [own_model, own_scene] = tuned(model, drop_scene(), member, tune);
-      const auto alone = make_on_cuda(own_model, own_scene, options);
-      for (int frame = 0; frame < 5; ++frame) alone->advance_frame();
-      EXPECT_EQ(all->state(member).hash(), alone->state().hash()) << member;
-      EXPECT_EQ(all->contact_count(member), alone->contact_count()) << member;
-      different.insert(alone->state().hash());
-    }
-    EXPECT_EQ(different.size(), 6u);
-  }
-}
-
-// Blocks are the same: tissue, with viscosity and so with two messages a vertex, with elements that
-// have a history, and pressed to the bound on compression, where frames run substep by substep.
-TEST_F(Cuda, SeveralDevicesStepABodyAsOneDoes) {
-  if (find_cuda_device().count < 2) GTEST_SKIP() << "one GPU alone";
-  const Model model = make_cube(6);
-  Scene elastic = drop_scene(), relaxing = drop_scene(), pressed = drop_scene();
-  elastic.params<Viscosity>().clear();
-  relaxing.params<Prony>().push_back({.modulus = 0.5, .time = 0.1});
-  pressed.params<Gravity>()[0].acceleration *= 300.0;
-  for (const Precision precision : {Precision::fp32, Precision::fp64}) {
-    for (const Scene& scene : {elastic, drop_scene(), relaxing, pressed}) {
-      SolverOptions options{
-          .scheme = Scheme::block_gauss_seidel, .precision = precision, .block_tets = 60};
-      const auto one = make_on_cuda(model, scene, options);
-      options.devices = 2;
-      const auto two = make_on_cuda(model, scene, options),
-                 resumed = make_on_cuda(model, scene, options);
-      const auto advance = [](Solver& solver) {
-        for (int frame = 0; frame < 15; ++frame) solver.advance_frame();
-      };
-      advance(*one), advance(*two);
-      EXPECT_EQ(one->state().hash(), two->state().hash());
-      EXPECT_EQ(one->motion().hash(), two->motion().hash());
-      EXPECT_EQ(one->contact_count(), two->contact_count());
-      resumed->set_state(two->state());
-      advance(*one), advance(*two), advance(*resumed);
-      EXPECT_EQ(one->state().hash(), two->state().hash());
-      EXPECT_EQ(one->state().hash(), resumed->state().hash());
-    }
-  }
-}
-
-TEST_F(Cuda, AMemberIsTakenUpWhereItWasLeft) {
-  const Model model = make_cube(4);
-  const SolverOptions options{.scheme = Scheme::block_gauss_seidel, .block_tets = 50};
-  const auto ensemble = make_ensemble_on_cuda(model, drop_scene(), options, 3, nullptr);
-  for (int frame = 0; frame < 5; ++frame) ensemble->advance_frame();
-  const State left = ensemble->state(1), motion = ensemble->motion(1);
-  EXPECT_EQ(motion.hash(), left.hash());
-  EXPECT_EQ(motion.step, left.step);
-  EXPECT_TRUE(motion.duals.empty() && !left.duals.empty());
-  for (int frame = 0; frame < 5; ++frame) ensemble->advance_frame();
-  const State end = ensemble->state(1);
-  ensemble->set_state(2, left);
-  for (int frame = 0; frame < 5; ++frame) ensemble->advance_frame();
-  EXPECT_EQ(ensemble->state(2).hash(), end.hash());
-  EXPECT_EQ(ensemble->state(2).step, end.step);
-  EXPECT_NE(ensemble->state(1).hash(), end.hash());
-}
-
-TEST_F(Cuda, ABodyWithoutForcesStaysStill) {
-  const Model model = make_cube(4);
-  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
-    const auto solver = make_on_cuda(model, elastic_scene(), {.scheme = scheme, .block_tets = 100});
-    for (int frame = 0; frame < 20; ++frame) solver->advance_frame();
-    double largest = 0.0;
-    for (const auto& u : solver->state().u) largest = std::max(largest, norm(u));
-    EXPECT_LE(largest, 1e-9);
-    EXPECT_EQ(solver->motion().hash(), solver->state().hash());
-  }
-}
-
-// [vertices] of device memory, read by the driver alone as another library would.
-template <class T>
-std::vector<Vec3<double>> read_on_device(const void* data, std::size_t vertices) {
-  const auto copy = reinterpret_cast<int (*)(void*, const void*, std::size_t)>(
-      dlsym(dlopen("libcuda.so.1", RTLD_NOW), "cuMemcpyDtoH_v2"));
-  std::vector<Vec3<T>> numbers(vertices);
-  EXPECT_EQ(copy(numbers.data(), data, vertices * sizeof(Vec3<T>)), 0);
-  return cast_all<double>(numbers);
-}
-
-TEST_F(Cuda, MotionIsThereForOtherLibrariesInTheDevicesOwnMemory) {
-  const Model model = make_cube(4);
-  for (const Scheme scheme : {Scheme::gauss_seidel, Scheme::block_gauss_seidel}) {
-    const auto ensemble =
-        make_ensemble_on_cuda(model, drop_scene(), {.scheme = scheme, .block_tets = 50}, 2,
-                              [](int member, Model&, Scene& scene) {
-                                scene.params<Gravity>()[0].acceleration *= 1.0 + member;
-                              });
-    for (int frame = 0; frame < 5; ++frame) {
-      ensemble->advance_frame();
-      for (int member = 0; member < 2; ++member) {
-        const auto there = ensemble->motion_on_device(member);
-        ASSERT_TRUE(there);
-        ASSERT_EQ(there->vertices, model.rest.size());
-        ASSERT_EQ(there->bytes, 4);
-        const State motion = ensemble->motion(member);
-        EXPECT_EQ(read_on_device<float>(there->u, there->vertices), motion.u);
-        EXPECT_EQ(read_on_device<float>(there->v, there->vertices), motion.v);
-      }
-    }
-  }
-  const auto exact = make_on_cuda(model, drop_scene(), {.precision = Precision::fp64});
-  exact->advance_frame();
-  const auto there = exact->motion_on_device();
-  ASSERT_EQ(there->bytes, 8);
-  EXPECT_EQ(read_on_device<double>(there->u, there->vertices), exact->state().u);
-  EXPECT_FALSE(make_on_cpu(model, drop_scene(), {})->motion_on_device());
 }
 
 // The mesh and scene of the bundle (VISCERA_GPU_MESH, VISCERA_GPU_SCENE): a second on both devices.
